@@ -2,6 +2,7 @@
 
 import type { FromProgram, ToProgram } from "./protocol";
 import { receive, setSender, state, update, watchAgain } from "./store";
+import { t } from "./t";
 
 const LONGEST_PAUSE_MS = 3000;
 /** The program says something every second; after so long without a word it is gone, or stands still. */
@@ -29,7 +30,7 @@ export function connect(): void {
     const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/ws`);
     setSender((message: ToProgram) => {
       if (socket.readyState === WebSocket.OPEN && state.connection === "open") socket.send(JSON.stringify(message));
-      else update((s) => (s.error = "The lab program does not answer: nothing was changed."));
+      else update((s) => (s.error = t("noAnswer")));
     });
     socket.onopen = () => {
       pause = 250;

@@ -140,7 +140,7 @@ export function AllParameters({ settings, change, tuned }: { settings: Settings;
             <label key={p.name} title={said(p.meaning)}>
               <code>{p.name}</code>
               {words ? (
-                <select value={String(settings[p.name])} onChange={(e) => change(p.name, e.currentTarget.value)}>
+                <select data-parameter={p.name} value={String(settings[p.name])} onChange={(e) => change(p.name, e.currentTarget.value)}>
                   {words.map((w) => <option key={w}>{w}</option>)}
                 </select>
               ) : (

@@ -7,7 +7,7 @@ import { type History, isHeading, mainEstimate } from "./history";
 import { useFrame } from "./live";
 import { spanOf } from "./moments";
 import type { Quaternion } from "./protocol";
-import { PARTS } from "./stage";
+import { partsOf } from "./stage";
 import { aids, historyOf, state, titleOf, update } from "./store";
 import { type Key, t } from "./t";
 import { dashOf, nameOf, roleOf } from "./theme";
@@ -77,7 +77,7 @@ function useSensor(device: string) {
 const degreesText = (notation: Notation): string => (notation === "quaternion" ? "" : "deg");
 
 function anglesSpec(notation: Notation): Spec {
-  const parts = PARTS[notation], truth = t("truth").toLowerCase();
+  const parts = partsOf(notation), truth = t("truth").toLowerCase();
   const banded = notation === "yaw-pitch-roll";
   const edges = banded ? parts.flatMap(({ name, role }) => [{ label: `${name} +3σ`, key: name, role, edge: true }, { label: `${name} −3σ`, key: name, role, edge: true }]) : [];
   return {
@@ -98,7 +98,7 @@ function AnglesChart({ history, span }: Part) {
     const { frames } = history, rows = frames.pick(from, to, MOST), subject = history.latest?.subject ?? "";
     const of = (name: string): (number | null)[][] => {
       const values = rows.map((k) => { const q = history.attitudeAt(name, k); return q && written(q, notation); });
-      return PARTS[notation].map((_, i) => unwrapped(values.map((v) => v?.[i] ?? null)));
+      return partsOf(notation).map((_, i) => unwrapped(values.map((v) => v?.[i] ?? null)));
     };
     const lines = of(subject), truth = of("truth");
     const edges = notation !== "yaw-pitch-roll" ? [] : lines.flatMap((line, i) => {
@@ -303,7 +303,7 @@ function Filter(part: Part) {
 
 function StdChart({ history, span, device }: Part) {
   const judged = useJudged(device);
-  const spec = useMemo<Spec>(() => ({ id: "std", title: t("plots.std"), unit: judged ? "deg, 1σ" : t("noCovariance"), across: t("across.time"), leastSpan: 0.2, curves: PARTS["yaw-pitch-roll"].map(({ name, role }) => ({ label: name, role })) }), [judged, t("none")]);
+  const spec = useMemo<Spec>(() => ({ id: "std", title: t("plots.std"), unit: judged ? "deg, 1σ" : t("noCovariance"), across: t("across.time"), leastSpan: 0.2, curves: partsOf("yaw-pitch-roll").map(({ name, role }) => ({ label: name, role })) }), [judged, t("none")]);
   const source: Source = (from, to) => {
     const rows = history.frames.pick(from, to, MOST), subject = history.latest?.subject ?? "";
     return columns([history.frames.times(rows), ...[0, 1, 2].map((i) => history.frames.column(`${subject} std ${i}`, rows))]);

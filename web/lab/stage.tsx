@@ -8,7 +8,7 @@ import { followShown, spanOf } from "./moments";
 import type { Device, EstimatorKind, Frame } from "./protocol";
 import type { Body, View as ViewOf, World } from "./scene";
 import { historyOf, onFrame, send, state, update } from "./store";
-import { t } from "./t";
+import { type Key, t } from "./t";
 import { nameOf, roleOf } from "./theme";
 import { number } from "./words";
 
@@ -158,18 +158,21 @@ function angleTo(frame: Frame, name: string): string {
   return angle === undefined ? "–" : `${angle.toFixed(2)}°`;
 }
 
-/** What the numbers of each notation are called, and the axis that each turns about. */
-export const PARTS: Record<Notation, { name: string; role: string }[]> = {
+const PARTS: Record<Notation, { name: string; role: string }[]> = {
   "yaw-pitch-roll": [{ name: "yaw", role: "z" }, { name: "pitch", role: "y" }, { name: "roll", role: "x" }],
   "alpha-beta-gamma": [{ name: "alpha", role: "z" }, { name: "beta", role: "x" }, { name: "gamma", role: "y" }],
   quaternion: [{ name: "w", role: "ink" }, { name: "x", role: "x" }, { name: "y", role: "y" }, { name: "z", role: "z" }],
   "rotation-vector": [{ name: "x", role: "x" }, { name: "y", role: "y" }, { name: "z", role: "z" }],
 };
 
+/** What the numbers of a notation are called, and the axis that each turns about. */
+export const partsOf = (notation: Notation): { name: string; role: string }[] =>
+  PARTS[notation].map(({ name, role }) => ({ name: name.length > 1 ? t(`angle.${name}` as Key) : name, role }));
+
 /** The attitude in numbers with 3 sigma, in large type, in the notation that is chosen; gimbal lock is said. */
 export function Angles({ device }: { device: string }) {
   const notation = state.notation;
-  const parts = PARTS[notation];
+  const parts = partsOf(notation);
   return (
     <div class="angles">
       <select class="notation" aria-label={t("notation")} value={notation} onChange={(e) => update((s) => (s.notation = e.currentTarget.value as Notation))}>
@@ -208,6 +211,6 @@ const threeSigma = (v: number | undefined): string => (v === undefined ? "" : `�
 function gimbalLock(frame: Frame, notation: Notation): string {
   const q = mainEstimate(frame)?.q, middle = q ? middleAngle(q, notation) : null;
   if (middle === null || Math.abs(middle) < GIMBAL_LOCK_DEG) return "";
-  const names = PARTS[notation].map((p) => p.name);
+  const names = partsOf(notation).map((p) => p.name);
   return t("gimbalLock", { middle: names[1]!, angle: number(middle, 1), first: names[0]!, third: names[2]! });
 }

@@ -1,6 +1,7 @@
 // Colours by role, read from the style sheet, so that plots and the 3-D view follow light and dark. One role has one meaning.
 
 import type { Theme } from "../instrument/spec";
+import { type Key, t } from "./t";
 
 let cache = new Map<string, string>();
 const listeners = new Set<() => void>();
@@ -28,21 +29,21 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () 
 
 export const theme: Theme = { colour, onChange: onTheme };
 
-/** What each attitude is called, and how it is drawn beside its colour: thirteen colours alone are too many for some eyes. */
-const ATTITUDES: Record<string, { name: string; dash?: number[] }> = {
-  mekf: { name: "MEKF" },
-  mekf3: { name: "MEKF, no bias", dash: [9, 3] },
-  integration: { name: "Integration", dash: [2, 3] },
-  device: { name: "Device's own", dash: [12, 3, 2, 3] },
-  truth: { name: "Truth", dash: [6, 4] },
-  "bounded-velocity": { name: "Bounded velocity", dash: [14, 4] },
-  usque: { name: "USQUE", dash: [5, 2] },
-  "quaternion-ekf": { name: "Quaternion EKF", dash: [8, 2, 2, 2] },
-  complementary: { name: "Complementary", dash: [4, 4] },
-  "complementary-passive": { name: "Passive", dash: [3, 2] },
-  "complementary-direct": { name: "Direct", dash: [10, 2, 3, 2] },
-  cascade: { name: "Cascade", dash: [6, 2] },
-  "cascade-ekf": { name: "Cascade, EKF", dash: [2, 2] },
+/** How each attitude is drawn beside its colour: thirteen colours alone are too many for some eyes. */
+const ATTITUDES: Record<string, { dash?: number[] }> = {
+  mekf: {},
+  mekf3: { dash: [9, 3] },
+  integration: { dash: [2, 3] },
+  device: { dash: [12, 3, 2, 3] },
+  truth: { dash: [6, 4] },
+  "bounded-velocity": { dash: [14, 4] },
+  usque: { dash: [5, 2] },
+  "quaternion-ekf": { dash: [8, 2, 2, 2] },
+  complementary: { dash: [4, 4] },
+  "complementary-passive": { dash: [3, 2] },
+  "complementary-direct": { dash: [10, 2, 3, 2] },
+  cascade: { dash: [6, 2] },
+  "cascade-ekf": { dash: [2, 2] },
 };
 
 /** Everything that has an attitude, the estimators and the truth. */
@@ -54,4 +55,4 @@ export const roleOf = (attitude: string): string => (ATTITUDES[attitude] ? attit
 export const dashOf = (attitude: string): number[] | undefined => ATTITUDES[attitude]?.dash;
 
 /** What an attitude is called on the page. */
-export const nameOf = (attitude: string): string => ATTITUDES[attitude]?.name ?? attitude;
+export const nameOf = (attitude: string): string => (ATTITUDES[attitude] ? t(`estimator.${attitude}` as Key) : attitude);

@@ -1,6 +1,7 @@
 // Numbers in words: one way to write them everywhere on the page.
 
 import { power } from "../instrument/numbers";
+import type { Key } from "./t";
 
 /** A number with as many digits as it deserves. */
 export function number(v: number | null | undefined, digits = 2): string {
@@ -32,8 +33,8 @@ export function unnamed(sentence: string): string {
 
 export const degrees = (v: number | null | undefined): string => (v === null || v === undefined ? "–" : `${number(v)}°`);
 
-export const VERDICTS: Record<string, { tone: "good" | "warn" | "bad"; text: string }> = {
-  consistent: { tone: "good", text: "Consistent" },
-  conservative: { tone: "warn", text: "Conservative" },
-  overconfident: { tone: "bad", text: "Overconfident" },
+export const VERDICTS: Record<string, { tone: "good" | "warn" | "bad"; text: Key }> = {
+  consistent: { tone: "good", text: "verdict.consistent" },
+  conservative: { tone: "warn", text: "verdict.conservative" },
+  overconfident: { tone: "bad", text: "verdict.overconfident" },
 };

@@ -7,7 +7,7 @@ import { fileURLToPath } from "node:url";
 
 const folder = dirname(fileURLToPath(import.meta.url));
 /** Side by side; in each lane one after the other. On a computer that is busy already all in one lane. */
-const SIDE_BY_SIDE = [["lab.mjs", "panels.mjs", "charts.mjs", "opened.mjs", "hand_in.mjs", "looks.mjs"], ["phones.mjs", "truth.mjs", "phone.mjs", "wall.mjs", "class.mjs"]];
+const SIDE_BY_SIDE = [["lab.mjs", "panels.mjs", "charts.mjs", "opened.mjs", "hand_in.mjs", "words.mjs", "looks.mjs"], ["phones.mjs", "truth.mjs", "phone.mjs", "wall.mjs", "class.mjs"]];
 const LANES = loadavg()[0] < availableParallelism() + 1 ? SIDE_BY_SIDE : [SIDE_BY_SIDE.flat()];
 const LONGEST_S = 2100;
 

@@ -4,13 +4,13 @@ import { useEffect, useMemo, useState } from "preact/hooks";
 import { type Spec, Still, columns } from "../chart";
 import type { Allan as Message, AllanReport, Device, Settings } from "../protocol";
 import { changeHere, receives, rowsOf, send, state } from "../store";
-import { type Key, t } from "../t";
+import { inEveryLanguage, type Key, t } from "../t";
 import { figures, number, pretty, said } from "../words";
 import { Silence, Stillness } from "./stillness";
 
 const SENSORS = ["gyroscope", "accelerometer", "magnetometer"];
 /** What recordings at rest are called, to find them again. */
-const NAME = "Rest";
+const isRest = (name: string): boolean => inEveryLanguage("allan.name").some((usual) => name.startsWith(usual));
 let request = 0;
 
 export function Allan({ device }: { device: Device }) {
@@ -18,7 +18,7 @@ export function Allan({ device }: { device: Device }) {
   const [sensor, setSensor] = useState("gyroscope");
   const rows = rowsOf(device.id);
   const [chosen, setChosen] = useState<string | null>(null);
-  const row = rows.find((r) => r.id === chosen) ?? [...rows].reverse().find((r) => r.name.startsWith(NAME)) ?? rows.at(-1);
+  const row = rows.find((r) => r.id === chosen) ?? [...rows].reverse().find((r) => isRest(r.name)) ?? rows.at(-1);
   const running = state.running[device.id];
   const analyse = (id: string, of: string): void => send({ type: "allan", request: ++request, id, sensor: of });
   useEffect(() => {
@@ -45,7 +45,7 @@ export function Allan({ device }: { device: Device }) {
           </label>
           <p class="small">{t(minutes < 3 ? "allan.short" : minutes < 20 ? "allan.medium" : "allan.long")} {t("allan.usual")}</p>
           <Stillness device={device} />
-          <button type="button" class={row ? "" : "primary"} disabled={!receives(device)} onClick={() => send({ type: "experiment", device: device.id, seconds: minutes * 60, name: `${NAME}, ${minutes} min` })}>{t("allan.record")}</button>
+          <button type="button" class={row ? "" : "primary"} disabled={!receives(device)} onClick={() => send({ type: "experiment", device: device.id, seconds: minutes * 60, name: `${t("allan.name")}, ${minutes} min` })}>{t("allan.record")}</button>
         </>
       )}
       {row && (

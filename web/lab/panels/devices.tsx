@@ -3,22 +3,23 @@
 import type { Device } from "../protocol";
 import { Draft } from "../draft";
 import { goTo, isStudent, offers, select, send, state, update } from "../store";
+import { t } from "../t";
 
 /** The sensors in short: the compass where it stands in for the magnetometer. */
 function shortOf(device: Device): [string, string][] {
   const compass = device.rates_hz["magnetometer"] === undefined && device.rates_hz["compass-heading"] !== undefined;
-  return [["gyroscope", "gyr"], ["accelerometer", "acc"], compass ? ["compass-heading", "com"] : ["magnetometer", "mag"]];
+  return (["gyroscope", "accelerometer", compass ? "compass-heading" : "magnetometer"] as const).map((sensor) => [sensor, t(`short.${sensor}`)]);
 }
 
 export function Devices() {
   return (
-    <aside class="devices" aria-label="Devices">
-      <h2>Devices</h2>
-      {!state.devices.length && !isStudent() && <p class="small">None yet. Scan the QR code with a phone, or add a virtual phone.</p>}
+    <aside class="devices" aria-label={t("devices")}>
+      <h2>{t("devices")}</h2>
+      {!state.devices.length && !isStudent() && <p class="small">{t("devices.none")}</p>}
       <ul>
         {state.devices.map((device) => <DeviceCard key={device.id} device={device} />)}
       </ul>
-      {!isStudent() && <button type="button" onClick={() => goTo("connect")}>Add a device</button>}
+      {!isStudent() && <button type="button" onClick={() => goTo("connect")}>{t("devices.add")}</button>}
     </aside>
   );
 }
@@ -31,19 +32,19 @@ function DeviceCard({ device }: { device: Device }) {
     <li class={`device ${device.delivers ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
       <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => select(s, device.id))}>
         <b>{device.name}</b>
-        {!device.delivers && <span class="badge">{device.connected ? "no samples" : "lost"}</span>}
+        {!device.delivers && <span class="badge">{t(device.connected ? "devices.noSamples" : "devices.lost")}</span>}
       </button>
       <p class="rates">{shortOf(device).map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
-      <p class="health" title={device.silence || worst?.text}>{device.silence || (worst?.text ?? "No complaint.")}</p>
+      <p class="health" title={device.silence || worst?.text}>{device.silence || (worst?.text ?? t("devices.noComplaint"))}</p>
       {selected && (
         <>
           {device.delivers && device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
           <p class="counts">{device.source}, {lost(device)}</p>
-          <p class="counts">{device.received} samples</p>
-          <p class="counts">{device.is_calibrated ? "Calibrated at rest" : "Not yet calibrated at rest"}</p>
-          {device.magnetometer && <p class="counts">Magnetometer calibrated</p>}
-          <Draft name="rename" label="Name" value={device.name} change={(name) => send({ type: "rename", device: device.id, name })} />
-          {removable && <button type="button" class="link" onClick={() => send(device.source === "virtual" ? { type: "virtual_phone", action: "remove", device: device.id } : { type: "remove", device: device.id })}>Remove this device</button>}
+          <p class="counts">{t("devices.samples", { count: device.received })}</p>
+          <p class="counts">{t(device.is_calibrated ? "devices.calibrated" : "devices.uncalibrated")}</p>
+          {device.magnetometer && <p class="counts">{t("devices.magnetometer")}</p>}
+          <Draft name="rename" label={t("name")} value={device.name} change={(name) => send({ type: "rename", device: device.id, name })} />
+          {removable && <button type="button" class="link" onClick={() => send(device.source === "virtual" ? { type: "virtual_phone", action: "remove", device: device.id } : { type: "remove", device: device.id })}>{t("devices.remove")}</button>}
         </>
       )}
     </li>
@@ -52,6 +53,6 @@ function DeviceCard({ device }: { device: Device }) {
 
 /** What got lost on the way, or came twice, in words. */
 function lost(device: Device): string {
-  const twice = device.duplicated ? `, ${device.duplicated} stamps twice` : "";
-  return (device.lost ? `${device.lost} batches lost` : "none lost") + twice;
+  const twice = device.duplicated ? t("devices.twice", { count: device.duplicated }) : "";
+  return (device.lost ? t("devices.batchesLost", { count: device.lost }) : t("devices.noneLost")) + twice;
 }

@@ -6,7 +6,7 @@ import { mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
 import { aids, goTo, historyOf, isStudent, receives, send, showExperiment, shownExperiment, state, titleOf } from "../store";
-import { t } from "../t";
+import { type Key, t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
 import { HandIn } from "./hand_in";
@@ -24,20 +24,20 @@ export function Experiment({ device }: { device: Device }) {
     const now = historyOf(device.id).latest;
     const estimate = now && mainEstimate(now);
     if (estimate) starts.set(device.id, estimate.q);
-    send({ type: "experiment", device: device.id, seconds, name: name.trim() || `Experiment ${state.rows.length + 1}` });
+    send({ type: "experiment", device: device.id, seconds, name: name.trim() || t("experiment.usual", { number: state.rows.length + 1 }) });
   };
   return (
     <>
-      <p>Start at rest, move the phone as you like, and lay it back in its outline before the time is over. Everything is recorded.</p>
-      <label class="field">Name
-        <input type="text" maxLength={60} value={name} placeholder={`Experiment ${state.rows.length + 1}`} onInput={(e) => setName(e.currentTarget.value)} />
+      <p>{t("experiment.what")}</p>
+      <label class="field">{t("name")}
+        <input type="text" maxLength={60} value={name} placeholder={t("experiment.usual", { number: state.rows.length + 1 })} onInput={(e) => setName(e.currentTarget.value)} />
       </label>
-      <label class="row">Duration
+      <label class="row">{t("experiment.duration")}
         <input type="range" min="10" max="300" step="5" value={seconds} disabled={!!running} onInput={(e) => setSeconds(Number(e.currentTarget.value))} />
         <output>{seconds} s</output>
       </label>
       {!running && <Stillness device={device} />}
-      {running ? <Running device={device} running={running} /> : <button type="button" class="primary" disabled={!receives(device)} onClick={start}>Start the experiment</button>}
+      {running ? <Running device={device} running={running} /> : <button type="button" class="primary" disabled={!receives(device)} onClick={start}>{t("experiment.start")}</button>}
     </>
   );
 }
@@ -45,10 +45,10 @@ export function Experiment({ device }: { device: Device }) {
 function Running({ device, running }: { device: Device; running: Message }) {
   return (
     <>
-      <progress max="1" value={running.progress} aria-label="Progress of the experiment" />
-      <p class="big" role="timer">{Math.ceil(running.remaining_s)} s left</p>
+      <progress max="1" value={running.progress} aria-label={t("experiment.progress")} />
+      <p class="big" role="timer">{t("left", { time: `${Math.ceil(running.remaining_s)} s` })}</p>
       {!receives(device) && <Silence device={device} />}
-      <button type="button" onClick={() => send({ type: "stop", device: device.id })}>Stop now</button>
+      <button type="button" onClick={() => send({ type: "stop", device: device.id })}>{t("experiment.stop")}</button>
     </>
   );
 }
@@ -65,15 +65,15 @@ export function Return({ device }: { device: Device }) {
   };
   return (
     <>
-      <p>Lay the phone back exactly where it lay, and let it rest until the time is over. A hand manages 0.5 to 1 degree.</p>
+      <p>{t("return.lay")}</p>
       <dl class="facts">
-        <div><dt>From the start pose, as estimated</dt><dd><LiveText device={device.id} text={fromStart} /></dd></div>
-        <div><dt>Integration is off by</dt><dd><LiveText device={device.id} text={others} /></dd></div>
+        <div><dt>{t("return.fromStart")}</dt><dd><LiveText device={device.id} text={fromStart} /></dd></div>
+        <div><dt>{t("return.integration")}</dt><dd><LiveText device={device.id} text={others} /></dd></div>
       </dl>
       {running ? <Running device={device} running={running} /> : (
         <>
-          <p class="small">No experiment is running.</p>
-          <button type="button" class="primary" onClick={() => goTo("experiment")}>Back to: experiment</button>
+          <p class="small">{t("return.none")}</p>
+          <button type="button" class="primary" onClick={() => goTo("experiment")}>{t("return.back")}</button>
         </>
       )}
     </>
@@ -85,7 +85,7 @@ export function Result() {
   const id = shownExperiment();
   const finished = id ? state.finished[id] : undefined;
   useEffect(() => heading.current?.focus({ preventScroll: true }), [id]);
-  if (!id) return <p>No experiment has ended yet. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
+  if (!id) return <p>{t("result.none")} <button type="button" class="link" onClick={() => goTo("experiment")}>{t("startOne")}</button></p>;
   const row = state.rows.find((r) => r.id === id);
   return (
     <div class="result" tabIndex={-1} ref={heading}>
@@ -95,7 +95,7 @@ export function Result() {
       {row && !row.has_samples ? <p class="small">{t("experiments.noSamples.hint")}</p> : (
         <>
           <Downloads id={id} hash={finished?.result?.hash} />
-          <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
+          <button type="button" class="primary" onClick={() => goTo("what-if")}>{t("result.next")}</button>
           <HandIn id={id} />
         </>
       )}
@@ -114,12 +114,12 @@ export function Summary({ summary, subject }: { summary: Record<string, RunSumma
   const causes = (main.findings ?? []).filter((f) => f.cause !== "noise" && f.cause !== "lasting-errors");
   return (
     <>
-      <p class="small" data-subject={main.estimator}>Result of <b>{nameOf(main.estimator)}</b></p>
+      <p class="small" data-subject={main.estimator}>{t("result.of")} <b>{nameOf(main.estimator)}</b></p>
       {main.final ? <><Final final={main.final} /><Quaternions final={main.final} /></> : (
-        <div class="verdict warn"><b>No verdict</b><span>The device did not rest in the same pose at both ends.</span></div>
+        <div class="verdict warn"><b>{t("result.noVerdict")}</b><span>{t("result.notAtRest")}</span></div>
       )}
       <table class="compact results">
-        <thead><tr><th scope="col">Error</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>{main.error_deg && <th scope="col" class="num" title="RMS error against the truth">RMS</th>}</tr></thead>
+        <thead><tr><th scope="col">{t("board.error")}</th><th scope="col" class="num">{t("result.calculated")}</th><th scope="col" class="num">{t("result.estimated")}</th>{main.error_deg && <th scope="col" class="num" title={t("result.rms.hint")}>{t("result.rms")}</th>}</tr></thead>
         <tbody>
           {names.map((name) => {
             const s = summary[name]!;
@@ -136,7 +136,7 @@ export function Summary({ summary, subject }: { summary: Record<string, RunSumma
       </table>
       {main.final && <p class="small">{main.final.sentence}</p>}
       {causes.length > 0 && (
-        <ol class="sentences findings" aria-label="What to mend, the first first">
+        <ol class="sentences findings" aria-label={t("result.mend")}>
           {causes.map((f) => <li key={f.sentence} class="warn" data-cause={f.cause}>{pretty(unnamed(f.sentence))}</li>)}
         </ol>
       )}
@@ -155,12 +155,12 @@ export function rms(summary: RunSummary): number | null {
 }
 
 function Final({ final }: { final: FinalSummary }) {
-  const verdict = (final.verdict && VERDICTS[final.verdict]) || { tone: "warn", text: "No covariance" };
+  const verdict = (final.verdict && VERDICTS[final.verdict]) || { tone: "warn", text: "verdict.noCovariance" as Key };
   return (
     <div class={`final ${verdict.tone}`}>
-      <div><span>calculated</span><b>{degrees(final.calculated_error_deg)}</b></div>
-      <div><span>estimated</span><b>{degrees(final.estimated_error_deg)}</b></div>
-      <p data-verdict={final.verdict ?? "none"} aria-live="polite">{verdict.text}</p>
+      <div><span>{t("result.calculated.small")}</span><b>{degrees(final.calculated_error_deg)}</b></div>
+      <div><span>{t("result.estimated.small")}</span><b>{degrees(final.estimated_error_deg)}</b></div>
+      <p data-verdict={final.verdict ?? "none"} aria-live="polite">{t(verdict.text)}</p>
     </div>
   );
 }
@@ -170,7 +170,7 @@ function Quaternions({ final }: { final: FinalSummary }) {
   const [calculated, estimated] = [final.calculated_error_wxyz, final.estimated_error_wxyz];
   return (
     <table class="compact quaternions">
-      <thead><tr><th scope="col">Error quaternion</th><th scope="col" class="num">calculated</th><th scope="col" class="num">estimated</th></tr></thead>
+      <thead><tr><th scope="col">{t("result.quaternion")}</th><th scope="col" class="num">{t("result.calculated.small")}</th><th scope="col" class="num">{t("result.estimated.small")}</th></tr></thead>
       <tbody>
         {["w", "x", "y", "z"].map((axis, i) => (
           <tr key={axis}>
@@ -180,7 +180,7 @@ function Quaternions({ final }: { final: FinalSummary }) {
           </tr>
         ))}
         <tr>
-          <th scope="row">angle</th>
+          <th scope="row">{t("angle")}</th>
           <td class="num" data-quaternion="calculated">{degrees(final.calculated_error_deg)}</td>
           <td class="num" data-quaternion="estimated">{degrees(final.estimated_error_deg)}</td>
         </tr>
@@ -192,7 +192,7 @@ function Quaternions({ final }: { final: FinalSummary }) {
 function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
   return (
     <table class="compact">
-      <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th></tr></thead>
+      <thead><tr><th scope="col">{t("estimator")}</th><th scope="col" class="num">{t("result.calculated")}</th><th scope="col" class="num">{t("result.estimated")}</th></tr></thead>
       <tbody>
         {Object.entries(row.results).sort(([a], [b]) => Number(b === row.subject) - Number(a === row.subject)).map(([name, r]) => (
           <tr key={name}><th scope="row">{nameOf(name)}</th><td class="num">{degrees(r.calculated_error_deg)}</td><td class="num">{degrees(r.estimated_error_deg)}</td></tr>
@@ -203,13 +203,13 @@ function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
 }
 
 function Downloads({ id, hash }: { id: string; hash: string | undefined }) {
-  const files: [string, string][] = [["report.html", "Report"], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"], ...(state.recording ? [["recording.mcap", "MCAP"] as [string, string]] : [])];
+  const files: [string, string][] = [["report.html", t("report")], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"], ...(state.recording ? [["recording.mcap", "MCAP"] as [string, string]] : [])];
   return (
     <>
       <div class="buttons downloads">
         {files.map(([file, text]) => <a key={file} href={`/api/experiments/${encodeURIComponent(id)}/${file}`} {...(file === "report.html" ? { target: "_blank", rel: "noopener" } : { download: "" })}>{text}</a>)}
       </div>
-      {hash && <p class="small">Recording <code title={hash}>{hash.slice(0, 16)}</code></p>}
+      {hash && <p class="small">{t("recordings.name")} <code title={hash}>{hash.slice(0, 16)}</code></p>}
     </>
   );
 }
@@ -233,7 +233,7 @@ function Archive({ row }: { row: (typeof state.rows)[number] }) {
 /** All experiments so far, in the lower half. */
 export function ExperimentTable() {
   const [all, setAll] = useState(false);
-  if (!state.rows.length) return <p class="empty">No experiment yet: each one adds a row here.</p>;
+  if (!state.rows.length) return <p class="empty">{t("experiments.none")}</p>;
   const archived = state.rows.filter((row) => row.is_archived).length;
   const rows = state.rows.filter((row) => all || !row.is_archived);
   const shown = shownExperiment();
@@ -249,8 +249,8 @@ export function ExperimentTable() {
       <table class="experiments">
         <thead>
           <tr>
-            <th scope="col">Experiment</th><th scope="col">Subject</th><th scope="col">Verdict</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>
-            <th scope="col" class="num">Integration</th>{sensors.map((aid) => <th key={aid.sensor} scope="col" class="num" title={`R of the ${aid.title.toLowerCase()}, standard deviation`}>R {aid.title.toLowerCase().slice(0, 3)}</th>)}<th scope="col" class="num">s</th><th scope="col">Device</th><td />
+            <th scope="col">{t("experiment")}</th><th scope="col">{t("subject")}</th><th scope="col">{t("board.verdict")}</th><th scope="col" class="num">{t("result.calculated")}</th><th scope="col" class="num">{t("result.estimated")}</th>
+            <th scope="col" class="num">{nameOf("integration")}</th>{sensors.map((aid) => <th key={aid.sensor} scope="col" class="num" title={t("experiments.r", { sensor: titleOf(aid.sensor).toLowerCase() })}>R {t(`short.${aid.sensor}` as Key)}</th>)}<th scope="col" class="num">s</th><th scope="col">{t("device")}</th><td />
           </tr>
         </thead>
         <tbody>
@@ -265,7 +265,7 @@ export function ExperimentTable() {
                   {!row.has_samples && <small class="mark" title={t("experiments.noSamples.hint")}> {t("experiments.noSamples")}</small>}
                 </th>
                 <td>{nameOf(row.subject)}</td>
-                <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
+                <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict ? t(verdict.text) : "–"}</span></td>
                 <td class="num">{degrees(main?.calculated_error_deg)}</td>
                 <td class="num">{degrees(main?.estimated_error_deg)}</td>
                 <td class="num">{degrees(row.results["integration"]?.calculated_error_deg)}</td>

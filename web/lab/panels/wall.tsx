@@ -5,7 +5,7 @@ import { mainEstimate } from "../history";
 import { LiveText, useFrame } from "../live";
 import type { Device, Frame, Lamp } from "../protocol";
 import type { View as ViewOf, World } from "../scene";
-import { attitudes, PARTS } from "../stage";
+import { attitudes, partsOf } from "../stage";
 import { historyOf, onFrame, rowsOf, select, state, titleOf, update } from "../store";
 import { t } from "../t";
 import { degrees, said, VERDICTS } from "../words";
@@ -41,7 +41,7 @@ function Cell({ device }: { device: Device }) {
       <div class="cell-body">
         <div>
           <dl class="cell-angles">
-            {PARTS["yaw-pitch-roll"].map(({ name, role }, i) => (
+            {partsOf("yaw-pitch-roll").map(({ name, role }, i) => (
               <div key={name} style={{ "--role": `var(--${role})` }}><dt>{name}</dt><dd><LiveText device={device.id} text={(f) => angle(f, i)} /></dd></div>
             ))}
           </dl>
@@ -103,7 +103,7 @@ function stateOf(device: Device, rate: number | null): Said {
   const row = rowsOf(device.id).filter((r) => !r.is_archived && !r.is_earlier).at(-1);
   if (row) {
     const result = row.results[row.subject], verdict = result?.verdict ? VERDICTS[result.verdict] : undefined;
-    const text = verdict ? verdict.text : t("wall.noVerdict");
+    const text = t(verdict ? verdict.text : "wall.noVerdict");
     return { what: "done", tone: verdict?.tone ?? "idle", text: t("wall.done", { verdict: text }), hint: `${row.name}: ${degrees(result?.calculated_error_deg)}` };
   }
   if (rate === null) return { what: "waits", tone: "idle", text: t("still.waiting") };

@@ -30,7 +30,7 @@ let askedMs = 0;
 /** Sliders are those of the experiment's subject and sensors. */
 const tunedOf = (row: ExperimentRow, trial: Trial = {}): Tuned => ({
   subject: trial.subject ?? row.subject,
-  missing: (sensor) => (row.sensors.some((s) => s === sensor) ? null : `${titleOf(sensor)}: not in this recording.`),
+  missing: (sensor) => (row.sensors.some((s) => s === sensor) ? null : t("whatIf.notHere", { sensor: titleOf(sensor) })),
 });
 
 function isUnderWay(): boolean {
@@ -72,7 +72,7 @@ export function WhatIf() {
     next = null;
     go();
   }, [state.whatIf, state.failed]);
-  if (!row || !tuned) return <p>What-if needs an experiment. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
+  if (!row || !tuned) return <p>{t("whatIf.needs")} <button type="button" class="link" onClick={() => goTo("experiment")}>{t("startOne")}</button></p>;
   const run = (changed: Settings, { as = trial, parameter = curve, of = row }: { as?: Trial; parameter?: string | null; of?: ExperimentRow } = {}): void => {
     setSettings(changed);
     setTrial(as);
@@ -83,20 +83,20 @@ export function WhatIf() {
   const set = (name: string, value: number | string): void => run({ ...settings, [name]: value });
   return (
     <>
-      <p>Move a slider: the whole recording runs again, and the answer is below.</p>
-      <label class="field">Recording
+      <p>{t("whatIf.move")}</p>
+      <label class="field">{t("recordings.name")}
         <select value={row.id} onChange={(e) => { const other = rows.find((r) => r.id === e.currentTarget.value)!; setId(other.id); run({ ...other.settings }, { as: {}, of: other }); }}>
           {rows.map((r) => <option key={r.id} value={r.id}>{r.name}</option>)}
         </select>
       </label>
       <Sliders settings={settings} tuned={tuned} change={set} />
       <Trials row={row} trial={trial} change={(as) => run(settings, { as })} />
-      <label class="field">Curve over
+      <label class="field">{t("whatIf.over")}
         <select value={curve ?? ""} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, { parameter: e.currentTarget.value }); }}>
           {choices.map((c) => <option key={c.name} value={c.name}>{c.text}</option>)}
         </select>
       </label>
-      <button type="button" onClick={() => run({ ...row.settings }, { as: {} })}>Back to the numbers of the experiment</button>
+      <button type="button" onClick={() => run({ ...row.settings }, { as: {} })}>{t("whatIf.back")}</button>
       <Answer message={state.whatIf} row={row} />
       <HandIn id={row.id} change={{ settings, ...trial }} />
       <AllParameters settings={settings} tuned={tuned} change={set} />
@@ -111,7 +111,7 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
   return (
     <table class="compact results what-if">
       <caption>{t("whatIf.took")} <b>{number(message.elapsed_ms, 0)} ms</b>{!isAsMeasured(tried?.trial.alterations) && <>; {t("whatIf.altered")}</>}</caption>
-      <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Then</th><th scope="col" class="num">Now</th>{truth && <th scope="col" class="num" title="RMS error against the truth, now">RMS</th>}<th scope="col" class="num" title="Mean NIS of the accelerometer, now">NIS</th></tr></thead>
+      <thead><tr><th scope="col">{t("estimator")}</th><th scope="col" class="num">{t("whatIf.then")}</th><th scope="col" class="num">{t("whatIf.now")}</th>{truth && <th scope="col" class="num" title={t("whatIf.rms")}>{t("result.rms")}</th>}<th scope="col" class="num" title={t("nis.mean")}>NIS</th></tr></thead>
       <tbody>
         {names.map((name) => (
           <tr key={name} data-estimator={name}>
@@ -134,7 +134,7 @@ const traceSpec = (subject: string): Spec => ({
   id: "what-if angles", title: t("whatIf.again", { name: nameOf(subject) }), unit: "deg", across: t("across.time"), leastSpan: 4,
   curves: ANGLES.flatMap(({ key, role }) => [{ label: t(key), role }, { label: t("whatIf.before", { what: t(key) }), role, ...BEFORE }]),
 });
-const ANGLES: { key: Key; role: string }[] = [{ key: "whatIf.yaw", role: "z" }, { key: "whatIf.pitch", role: "y" }, { key: "whatIf.roll", role: "x" }];
+const ANGLES: { key: Key; role: string }[] = [{ key: "angle.yaw", role: "z" }, { key: "angle.pitch", role: "y" }, { key: "angle.roll", role: "x" }];
 
 /** NIS over time of each sensor, beside how it was. */
 const nisSpec = (sensors: string[], subject: string): Spec => ({
@@ -168,8 +168,8 @@ const DASHES = [undefined, [7, 3], [2, 3]];
 const dashOfSensor = (sensor: string): number[] | undefined => DASHES[aids().findIndex((aid) => aid.sensor === sensor)];
 
 const curveSpec = (text: string, sensors: string[], value: () => number | null, rules: () => Rule[]): Spec => ({
-  id: "what-if curve", title: "NIS and error", unit: "", across: text, logX: true, logY: true, leastRange: [0.3, 10],
-  curves: [...sensors.map((s) => ({ label: titleOf(s).toLowerCase(), role: "ink", ...(dashOfSensor(s) ? { dash: dashOfSensor(s)! } : {}), width: 2 })), { label: "error, deg", role: "refused", width: 2 }],
+  id: "what-if curve", title: t("whatIf.curve"), unit: "", across: text, logX: true, logY: true, leastRange: [0.3, 10],
+  curves: [...sensors.map((s) => ({ label: titleOf(s).toLowerCase(), role: "ink", ...(dashOfSensor(s) ? { dash: dashOfSensor(s)! } : {}), width: 2 })), { label: t("whatIf.curve.error"), role: "refused", width: 2 }],
   rules,
   mark: value,
 });
@@ -177,9 +177,9 @@ const curveSpec = (text: string, sensors: string[], value: () => number | null, 
 /** The NIS of a consistent R: its degrees of freedom, which are fewer for a heading. */
 function consistent(sensors: string[]): Rule[] {
   const degrees = [...new Set(sensors.map((s) => degreesOf(s, asked)))].sort((a, b) => b - a);
-  if (degrees.length < 2) return degrees.map((value) => ({ value, text: `consistent: ${value}` }));
+  if (degrees.length < 2) return degrees.map((value) => ({ value, text: t("whatIf.consistent", { value }) }));
   const whose = (value: number): string => sensors.filter((s) => degreesOf(s, asked) === value).map((s) => titleOf(s).toLowerCase().slice(0, 3)).join(", ");
-  return degrees.map((value, i) => ({ value, text: `consistent, ${whose(value)}: ${value}`, below: i > 0 }));
+  return degrees.map((value, i) => ({ value, text: t("whatIf.consistent.of", { whose: whose(value), value }), below: i > 0 }));
 }
 
 const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
@@ -220,9 +220,9 @@ export function WhatIfPlots() {
   const sensors = aids().map((aid) => aid.sensor as string).filter((s) => curve?.nis[s]);
   const row = state.rows.find((r) => r.id === message?.id);
   const over = (row && curveChoices(tunedOf(row)).find((c) => c.name === curve?.parameter)?.text) ?? curve?.parameter ?? "";
-  const spec = useMemo(() => curveSpec(over, sensors, () => Number(asked[curve?.parameter ?? ""]) || null, () => consistent(sensors)), [over, curve?.parameter, sensors.join()]);
+  const spec = useMemo(() => curveSpec(over, sensors, () => Number(asked[curve?.parameter ?? ""]) || null, () => consistent(sensors)), [over, curve?.parameter, sensors.join(), spoken]);
   const curveData = useMemo(() => columns([curve?.values ?? [], ...sensors.map((s) => curve!.nis[s]!.map(positive)), curve?.error_deg.map(positive) ?? []]), [curve]);
-  if (!message) return <p class="empty">{state.rows.length ? "Move a slider on the right: the recording runs again at once." : "What-if needs an experiment first."}</p>;
+  if (!message) return <p class="empty">{t(state.rows.length ? "whatIf.empty.move" : "whatIf.empty")}</p>;
   return (
     <div class="plots what-if-plots">
       <Still spec={traceOf} data={angles} />
