@@ -4,6 +4,7 @@ import { render } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import "./style.css";
 import { language, LANGUAGES, onLanguage, setLanguage } from "../words/language";
+import { followLanguage } from "../words/program";
 import { connect } from "./connection";
 import { Lamps } from "./live";
 import { LivePlots } from "./plots";
@@ -22,6 +23,7 @@ import { WhatIf, WhatIfPlots } from "./panels/what_if";
 import type { Device } from "./protocol";
 import { goTo, isOld, isStudent, type Lower, offers, onChange, selectedDevice, send, state, steps, update } from "./store";
 import { t } from "./t";
+import { said } from "./words";
 
 const heading = (): string => t(state.step === "calibrate" && state.calibrating !== "rest" ? `heading.${state.calibrating}` : `heading.${state.step}`);
 
@@ -142,7 +144,7 @@ function StepOf({ device }: { device: Device }) {
 function Notice() {
   const lost = isOld();
   const seconds = Math.max(0, Math.round((performance.now() - state.lostMs) / 1000));
-  const text = lost ? t("lostSince", { seconds }) : state.error;
+  const text = lost ? t("lostSince", { seconds }) : state.error && said(state.error);
   if (!text) return null;
   return (
     // Read aloud once: the seconds change all the time.
@@ -153,5 +155,6 @@ function Notice() {
   );
 }
 
+followLanguage(() => update(() => undefined));
 render(<App />, document.getElementById("lab")!);
 connect();

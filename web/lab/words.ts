@@ -1,6 +1,7 @@
 // Numbers in words: one way to write them everywhere on the page.
 
 import { power } from "../instrument/numbers";
+import { inLanguage } from "../words/program";
 import type { Key } from "./t";
 
 /** A number with as many digits as it deserves. */
@@ -24,7 +25,7 @@ export function pretty(text: string): string {
 }
 
 /** A sentence of the program as the page says it. */
-export const said = (text: string): string => pretty(text);
+export const said = (text: string): string => pretty(inLanguage(text));
 
 /** The sentence on a sensor's R without naming the sensor, for places where its name stands before. */
 export function unnamed(sentence: string): string {

@@ -4,6 +4,7 @@ import type { Device } from "../protocol";
 import { Draft } from "../draft";
 import { goTo, isStudent, offers, select, send, state, update } from "../store";
 import { t } from "../t";
+import { said } from "../words";
 
 /** The sensors in short: the compass where it stands in for the magnetometer. */
 function shortOf(device: Device): [string, string][] {
@@ -27,6 +28,7 @@ export function Devices() {
 function DeviceCard({ device }: { device: Device }) {
   const selected = device.id === state.selected;
   const worst = ["bad", "warn", "good"].map((tone) => device.health.find((h) => h.tone === tone)).find((h) => h) ?? device.health[0];
+  const complaint = said(device.silence || (worst?.text ?? "")) || t("devices.noComplaint");
   const removable = !isStudent() && (device.source === "virtual" || (offers("remove") && !device.connected));
   return (
     <li class={`device ${device.delivers ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
@@ -35,10 +37,10 @@ function DeviceCard({ device }: { device: Device }) {
         {!device.delivers && <span class="badge">{t(device.connected ? "devices.noSamples" : "devices.lost")}</span>}
       </button>
       <p class="rates">{shortOf(device).map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
-      <p class="health" title={device.silence || worst?.text}>{device.silence || (worst?.text ?? t("devices.noComplaint"))}</p>
+      <p class="health" title={complaint}>{complaint}</p>
       {selected && (
         <>
-          {device.delivers && device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
+          {device.delivers && device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={said(h.text)}>{said(h.text)}</p>)}
           <p class="counts">{device.source}, {lost(device)}</p>
           <p class="counts">{t("devices.samples", { count: device.received })}</p>
           <p class="counts">{t(device.is_calibrated ? "devices.calibrated" : "devices.uncalibrated")}</p>

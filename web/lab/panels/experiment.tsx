@@ -8,7 +8,7 @@ import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, Se
 import { aids, goTo, historyOf, isStudent, receives, send, showExperiment, shownExperiment, state, titleOf } from "../store";
 import { type Key, t } from "../t";
 import { nameOf, roleOf } from "../theme";
-import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
+import { degrees, figures, number, said, unnamed, VERDICTS } from "../words";
 import { HandIn } from "./hand_in";
 import { Silence, Stillness } from "./stillness";
 
@@ -91,7 +91,7 @@ export function Result() {
     <div class="result" tabIndex={-1} ref={heading}>
       <h3>{row?.name ?? id} <small>{row?.at}</small></h3>
       {finished?.result ? <Summary summary={finished.result.summary} subject={finished.result.subject} /> : row && <RowSummary row={row} />}
-      {finished?.result && <p class="small">{finished.result.origin}</p>}
+      {finished?.result && <p class="small">{said(finished.result.origin)}</p>}
       {row && !row.has_samples ? <p class="small">{t("experiments.noSamples.hint")}</p> : (
         <>
           <Downloads id={id} hash={finished?.result?.hash} />
@@ -134,14 +134,14 @@ export function Summary({ summary, subject }: { summary: Record<string, RunSumma
           })}
         </tbody>
       </table>
-      {main.final && <p class="small">{main.final.sentence}</p>}
+      {main.final && <p class="small">{said(main.final.sentence)}</p>}
       {causes.length > 0 && (
         <ol class="sentences findings" aria-label={t("result.mend")}>
-          {causes.map((f) => <li key={f.sentence} class="warn" data-cause={f.cause}>{pretty(unnamed(f.sentence))}</li>)}
+          {causes.map((f) => <li key={f.sentence} class="warn" data-cause={f.cause}>{unnamed(said(f.sentence))}</li>)}
         </ol>
       )}
       <ul class="sentences">
-        {main.verdicts.map((v) => <li key={v.sensor} class={TONES[v.verdict] ?? "warn"}><b>{titleOf(v.sensor)}</b> {pretty(unnamed(v.sentences[0] ?? ""))}</li>)}
+        {main.verdicts.map((v) => <li key={v.sensor} class={TONES[v.verdict] ?? "warn"}><b>{titleOf(v.sensor)}</b> {unnamed(said(v.sentences[0] ?? ""))}</li>)}
       </ul>
     </>
   );
