@@ -317,6 +317,7 @@ export type HeadingReference = "measured" | "initial" | "arbitrary" | "device";
 export type Hello = {
   version: string,
   phone_urls: Array<string>,
+  named_url: string | null,
   ingest_urls: Array<string>,
   qr_svg: string,
   estimators: Array<EstimatorLine>,

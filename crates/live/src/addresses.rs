@@ -113,6 +113,8 @@ fn local_name_of(host: &str) -> Option<String> {
 pub struct Reach {
     addresses: RwLock<Addresses>,
     local_name: Option<String>,
+    /// The lab's own name on the network, while it answers for one.
+    lab_name: RwLock<Option<String>>,
     /// Ports of the phone page and of apps.
     ports: [u16; 2],
     token: Arc<Token>,
@@ -130,9 +132,33 @@ impl Reach {
         Self {
             addresses: RwLock::new(addresses),
             local_name,
+            lab_name: RwLock::default(),
             ports,
             token,
         }
+    }
+
+    /// The lab answers for this name on the network. Returns whether that is news.
+    pub fn is_called(&self, name: &str) -> bool {
+        let mut present = self
+            .lab_name
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        let is_news = present.as_deref() != Some(name);
+        *present = Some(name.to_owned());
+        is_news
+    }
+
+    fn lab_name(&self) -> Option<String> {
+        let present = self.lab_name.read();
+        present.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Address by name of the page where laptops come in; `None` while the lab answers for no name.
+    #[must_use]
+    pub fn named_url(&self) -> Option<String> {
+        let name = self.lab_name()?;
+        Some(format!("https://{name}:{}/join", self.ports[0]))
     }
 
     /// Takes over the addresses of this moment. Returns whether they are others than before.
@@ -157,8 +183,9 @@ impl Reach {
     /// Whether `host`, as browsers write it without a port, is an address or the name of this computer.
     #[must_use]
     pub fn is_own(&self, host: &str) -> bool {
-        let named = self.local_name.as_ref();
-        if named.is_some_and(|name| name.eq_ignore_ascii_case(host)) {
+        let lab_name = self.lab_name();
+        let mut named = self.local_name.iter().chain(&lab_name);
+        if named.any(|name| name.eq_ignore_ascii_case(host)) {
             return true;
         }
         let present = self

@@ -248,6 +248,7 @@ pub(crate) fn hello(facts: &Facts, role: &Role) -> ToPage {
         // Another address is another picture.
         qr_svg: format!("/api/qr.svg?url=0&for={}", host.unwrap_or_default()),
         phone_urls,
+        named_url: facts.reach.named_url().filter(|_| is_teacher),
         ingest_urls: or_none(facts.reach.ingest_urls()),
         estimators: EstimatorKind::ALL
             .into_iter()

@@ -51,6 +51,7 @@ pub mod lab;
 pub mod lab_api;
 pub mod latency;
 pub mod limits;
+pub mod mdns;
 pub mod messages;
 mod mine;
 pub mod opened;

@@ -15,6 +15,7 @@ use northing_evaluation::RunOptions;
 use tokio::time::MissedTickBehavior;
 
 use crate::addresses::{Addresses, Reach, local_name};
+use crate::mdns::{self, Announcement, Where};
 use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
 use crate::credentials::Credentials;
@@ -118,6 +119,8 @@ pub struct Running {
     pub recovered: Vec<String>,
     credentials: Arc<Credentials>,
     handles: Vec<Handle<SocketAddr>>,
+    /// The lab's name goes with it.
+    _announcement: Option<Announcement>,
 }
 
 /// Starts the lab. It runs until [`Running::stop`] or until the runtime ends.
@@ -130,7 +133,9 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     } else {
         (Addresses::default(), None)
     };
-    let names: Vec<String> = name.iter().chain(&config.allowed_hosts).cloned().collect();
+    let lab_name = config.network.then(|| mdns::NAME.to_owned());
+    let names = name.iter().chain(&lab_name).chain(&config.allowed_hosts);
+    let names: Vec<String> = names.cloned().collect();
     let certificate = match &config.certificate {
         Some(files) => Certificate::read(files)?,
         None => Certificate::load_or_make(&config.data_dir, &addresses.shown, &names)?,
@@ -211,6 +216,10 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     if config.network {
         tokio::spawn(follow_addresses(Arc::downgrade(&lab), facts.clone()));
     }
+    let announcement = config
+        .network
+        .then(|| announced(port[1], &lab, &facts))
+        .flatten();
     Ok(Running {
         lab,
         lab_url: format!("http://127.0.0.1:{}/", port[0]),
@@ -223,7 +232,24 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         fingerprint: facts.fingerprint.clone(),
         recovered,
         handles,
+        _announcement: announcement,
     })
+}
+
+/// Answers for the lab's name on the network, and tells the pages once it does.
+fn announced(port: u16, lab: &Arc<Lab>, facts: &Arc<Facts>) -> Option<Announcement> {
+    let instance = match facts.name.as_str() {
+        "" => "Northing lab".to_owned(),
+        // A label of DNS has no more than 63 bytes.
+        name => name.chars().filter(char::is_ascii).take(40).collect(),
+    };
+    let (told_lab, told_facts) = (Arc::downgrade(lab), Arc::downgrade(facts));
+    let told = move || {
+        if let (Some(lab), Some(facts)) = (told_lab.upgrade(), told_facts.upgrade()) {
+            lab.tell(&lab_api::hello(&facts, &Role::Teacher));
+        }
+    };
+    Announcement::begin(port, &instance, Where::Networks, &facts.reach, told)
 }
 
 /// Looks again and again under which addresses this computer is reached, and tells the pages when

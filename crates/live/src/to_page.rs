@@ -99,6 +99,8 @@ pub struct Hello {
     pub version: &'static str,
     /// Addresses of the phone page.
     pub phone_urls: Vec<String>,
+    /// Address by name for laptops, where the lab answers for a name on the network.
+    pub named_url: Option<String>,
     /// Addresses for apps.
     pub ingest_urls: Vec<String>,
     /// Address of the picture of the first phone address.

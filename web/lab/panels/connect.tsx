@@ -28,6 +28,13 @@ export function Connect() {
       {urls.map((url, i) => urls.length > 1
         ? <button type="button" class="address" key={url} aria-pressed={i === shown} onClick={() => setChosen(i)}><code class="url">{url}</code></button>
         : <code class="url" key={url}>{url}</code>)}
+      {urls.length > 0 && (
+        <>
+          <p class="small">{t("connect.laptops")}</p>
+          <code class="url" data-join="address">{`${urls[shown]!.split("/p#")[0]}/join`}</code>
+          {hello?.named_url && <code class="url" data-join="name">{hello.named_url}</code>}
+        </>
+      )}
       <VirtualPhone />
       <Inputs />
       <details>
