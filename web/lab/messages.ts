@@ -265,6 +265,21 @@ export type Finding = {
   confidence: number,
   sentence: string, };
 
+export type Fitted = {
+  estimator: string,
+  parameters: Array<FittedParameter>,
+  without_effect: Array<string>,
+  gain_fitted: number,
+  gain_held_out: number,
+  over_fits: boolean,
+  error_deg: [number, number] | null, };
+
+export type FittedParameter = {
+  name: string,
+  before: number,
+  after: number,
+  ran_off: boolean, };
+
 export type Floor = {
   tau_s: number,
   deviation: number,
@@ -556,6 +571,13 @@ export type Request = { "type": "virtual_phone",
   use?: SensorUse,
   estimators?: Array<EstimatorKind>,
   subject?: EstimatorKind,
+  alterations?: Alterations, } | { "type": "tune",
+  id: string,
+  parameters?: Array<string>,
+  settings: Settings,
+  use?: SensorUse,
+  estimators?: Array<EstimatorKind>,
+  subject?: EstimatorKind,
   alterations?: Alterations, } | { "type": "calibrate_magnetometer",
   device: string,
   action: MagnetometerAction, } | { "type": "allan",
@@ -675,7 +697,7 @@ export type Surroundings = {
 export type ToPage = { "type": "hello" } & Hello | { "type": "devices",
   devices: Array<DeviceStatus>, } | { "type": "frame" } & Frame | { "type": "calibration" } & Calibration | { "type": "experiment" } & Experiment | { "type": "experiments",
   rows: Array<ExperimentRow>,
-  board: Array<Standing>, } | { "type": "everyone" } & Everyone | { "type": "what_if" } & WhatIf | { "type": "curve" } & Curve | { "type": "magnetometer" } & Magnetometer | { "type": "allan" } & Allan | { "type": "recording" } & RecordingStatus | { "type": "inputs",
+  board: Array<Standing>, } | { "type": "everyone" } & Everyone | { "type": "what_if" } & WhatIf | { "type": "curve" } & Curve | { "type": "tuned" } & Tuned | { "type": "magnetometer" } & Magnetometer | { "type": "allan" } & Allan | { "type": "recording" } & RecordingStatus | { "type": "inputs",
   inputs: Array<InputStatus>, } | { "type": "error",
   text: string,
   request: unknown, };
@@ -700,6 +722,12 @@ export type TruthError = {
 export type TruthPose = {
   q: [number, number, number, number],
   error: TruthError | null, };
+
+export type Tuned = {
+  request: unknown,
+  id: string,
+  runs: number,
+  fit: Fitted | null, };
 
 export type UnderWay = { "what": "calibration",
   remaining_s: number, } | { "what": "experiment",

@@ -42,6 +42,9 @@ function slidersOf({ subject, missing }: Tuned): Slider[] {
   ];
 }
 
+/** The parameters that sliders stand for and that do something: Q and R. */
+export const tunable = (tuned: Tuned): string[] => slidersOf(tuned).filter((slider) => slider.idle === null).map((slider) => slider.name);
+
 /** The usual sensors, and those of the others that deliver. */
 const shown = (missing: Tuned["missing"]) => aids().filter((aid) => aid.is_usual || missing(aid.sensor) === null);
 

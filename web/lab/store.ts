@@ -2,7 +2,7 @@
 
 import type { Notation } from "./attitude";
 import { History } from "./history";
-import type { AidLine, Allan, Calibration, Curve, Device, Everyone, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, SensorStatus, Settings, Standing, ToProgram, Use, WhatIf } from "./protocol";
+import type { AidLine, Allan, Calibration, Curve, Device, Everyone, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, SensorStatus, Settings, Standing, ToProgram, Tuned, Use, WhatIf } from "./protocol";
 
 import { type Key, t } from "./t";
 
@@ -49,6 +49,8 @@ export interface State {
   whatIf: WhatIf | null;
   curve: Curve | null;
   allan: Allan | null;
+  /** The fit of Q and R that is under way, or came out last. */
+  tuned: Tuned | null;
   recording: Recording | null;
   inputs: Input[];
   settings: Record<string, Settings>;
@@ -87,6 +89,7 @@ export const state: State = {
   whatIf: null,
   curve: null,
   allan: null,
+  tuned: null,
   recording: null,
   inputs: [],
   settings: {},
@@ -294,6 +297,9 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
       break;
     case "curve":
       s.curve = message;
+      break;
+    case "tuned":
+      s.tuned = message;
       break;
     case "magnetometer":
       takeMagnetometer(s, message);

@@ -117,6 +117,27 @@ await suite(async () => {
     await until("the NIS of before", async () => (await nis.textContent()) === before);
   });
 
+  await test("Q and R are fitted to the recording: an R that was far off comes back", async () => {
+    const slider = page.locator(".panel input[data-parameter=accelerometer_std]"), nis = page.locator(".panel tr[data-estimator=mekf] td").last();
+    await slider.fill("0");
+    await until("a NIS far too small", async () => numberIn(await nis.textContent()) < 0.5);
+    await page.getByRole("button", { name: "Fit Q and R to this recording" }).click();
+    await page.locator("[data-fit=running]").waitFor();
+    await page.locator("[data-fit=done]").waitFor();
+    const [before, after] = (await page.locator("[data-fitted=accelerometer_std] td").allTextContents()).map(numberIn);
+    assert.ok(before === 1 && after > 0.01 && after < 0.3, `from ${before} to ${after} m/s^2`);
+    await until("the slider to follow", async () => Math.abs(Number(await slider.inputValue()) - Math.log10(after)) < 0.03);
+    await until("a NIS that fits", async () => numberIn(await nis.textContent()) > 1);
+    await view.picture("8b-fitted");
+    // A slider that is moved meanwhile ends the fit, and nothing is left of it.
+    await page.getByRole("button", { name: "Fit Q and R to this recording" }).click();
+    await slider.fill("0");
+    await until("a NIS far too small", async () => numberIn(await nis.textContent()) < 0.5);
+    assert.equal(await page.locator("[data-fit=running]").count(), 0);
+    await page.getByRole("button", { name: "Back to the numbers" }).click();
+    await until("the NIS of before", async () => numberIn(await nis.textContent()) > 1);
+  });
+
   await test("what-if with worse samples and without a sensor: the effect stands beside the experiment as it was", async () => {
     const nis = page.locator(".panel tr[data-estimator=mekf] [data-value=nis]");
     const before = await nis.textContent();

@@ -13,7 +13,7 @@
 //! | frames for the pages | [`frames`] |
 //! | a whole class at once, and who is consistent | [`everyone`], [`board`] |
 //! | recordings of elsewhere | [`opened`] |
-//! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`what_if`], [`allan`], [`export`], [`report`] |
+//! | finished experiments, what-if, fit of Q and R, Allan deviation, files, report | [`experiments`], [`what_if`], [`tune`], [`allan`], [`export`], [`report`] |
 //! | exercises of the course: handing in, and the table of the class | [`hand_ins`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | recording everything as it arrives | [`recorder`] |
@@ -78,5 +78,6 @@ mod silence;
 pub mod tls;
 pub mod to_page;
 pub mod token;
+pub mod tune;
 pub mod virtual_phones;
 pub mod what_if;

@@ -135,13 +135,18 @@ mod tests {
         let url = reach.named_url().unwrap();
         let name = url.strip_prefix("https://").unwrap();
         let name = name.strip_suffix(":7771/join").unwrap();
-        assert!(name.starts_with("northing") && name.ends_with(".local"), "{name}");
+        assert!(
+            name.starts_with("northing") && name.ends_with(".local"),
+            "{name}"
+        );
         assert!(reach.is_own(name) && !reach.is_own("northing.local.evil.example"));
 
         let other = ServiceDaemon::new().unwrap();
         other.disable_interface(IfKind::All).unwrap();
         other.enable_interface(IfKind::LoopbackV4).unwrap();
-        let answers = other.resolve_hostname(&format!("{name}."), Some(20_000)).unwrap();
+        let answers = other
+            .resolve_hostname(&format!("{name}."), Some(20_000))
+            .unwrap();
         let mut found = false;
         while let Ok(answer) = answers.recv_async().await {
             if let HostnameResolutionEvent::AddressesFound(_, addresses) = answer {

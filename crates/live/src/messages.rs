@@ -137,6 +137,18 @@ pub enum Request {
         #[serde(default)]
         curve: Option<String>,
     },
+    /// Fit parameters of the subject to an experiment with a change.
+    Tune {
+        /// The experiment.
+        id: String,
+        /// What is other than it was.
+        #[serde(flatten)]
+        change: Box<Change>,
+        /// Which; every noise that makes a difference where none is named.
+        #[serde(default)]
+        #[cfg_attr(test, ts(as = "Option<_>", optional))]
+        parameters: Vec<String>,
+    },
     /// Calibrate the magnetometer.
     CalibrateMagnetometer {
         /// The device.
@@ -202,6 +214,7 @@ impl Request {
             Self::DisplayRate { .. }
                 | Self::Watch { .. }
                 | Self::WhatIf { .. }
+                | Self::Tune { .. }
                 | Self::Allan { .. }
                 | Self::Input { .. }
         )

@@ -3,8 +3,8 @@
 //! Commands are carried out one after the other, in the order in which they came. Questions about
 //! finished experiments are answered aside; a curve that nobody waits for any more is not made.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use axum::extract::ws::{Message, WebSocket};
@@ -20,13 +20,14 @@ use crate::audience;
 use crate::everyone::{self, WholeClass};
 use crate::frames::{PageFrames, Watched};
 use crate::inputs::Inputs;
-use crate::lab::Lab;
+use crate::lab::{Lab, lock};
 use crate::lab_api::LabApi;
 use crate::messages::{Action, Change, Command, Request};
 use crate::permissions;
 use crate::pulse::Pulse;
 use crate::roles::Role;
 use crate::to_page::{self, ToPage};
+use crate::tune::{self, Tuned};
 use crate::virtual_phones;
 
 /// Frames a second that a page gets unless it asks for others.
@@ -195,6 +196,11 @@ impl Page {
                     self.refuse(text, request_id);
                 }
             }
+            Request::Tune {
+                id,
+                change,
+                parameters,
+            } => self.tune(id, *change, parameters, request_id),
             Request::Allan { id, sensor } => self.allan(id, sensor, request_id),
             request => {
                 if self.orders.try_send((request, request_id.clone())).is_err() {
@@ -239,6 +245,40 @@ impl Page {
             let is_wanted = || newest.load(Ordering::Relaxed) == number;
             if let Some(curve) = finished.curve(&change, &parameter, &is_wanted)? {
                 tell(ToPage::Curve(to_page::Curve { request, id, curve }));
+            }
+            Ok(())
+        });
+    }
+
+    /// A fit takes many runs: the page hears how far it is, and a newer question ends it.
+    fn tune(&self, id: String, change: Change, parameters: Vec<String>, request: Value) {
+        let newest = self.newest.clone();
+        let number = newest.fetch_add(1, Ordering::Relaxed) + 1;
+        let progress = self.answer.clone();
+        self.aside(request.clone(), move |lab, tell| {
+            let finished = lab.experiment(&id)?;
+            let answer = |runs, fit| {
+                ToPage::Tuned(Tuned {
+                    request: request.clone(),
+                    id: id.clone(),
+                    runs,
+                    fit,
+                })
+            };
+            let told = Mutex::new((Instant::now(), 0));
+            let go_on = |runs: usize| {
+                let mut told = lock(&told);
+                told.1 = told.1.max(runs);
+                if told.0.elapsed() > tune::TELL_EVERY {
+                    told.0 = Instant::now();
+                    let _ = progress.try_send(answer(told.1, None));
+                }
+                newest.load(Ordering::Relaxed) == number && !progress.is_closed()
+            };
+            let fit = finished.tuned(&change, parameters, &go_on)?;
+            let runs = lock(&told).1;
+            if fit.is_some() {
+                tell(answer(runs, fit));
             }
             Ok(())
         });
@@ -322,6 +362,7 @@ pub(crate) async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), St
         | Request::DisplayRate { .. }
         | Request::Watch { .. }
         | Request::WhatIf { .. }
+        | Request::Tune { .. }
         | Request::Allan { .. }
         | Request::Input { .. } => {
             return Ok(());

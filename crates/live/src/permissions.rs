@@ -34,7 +34,9 @@ pub fn check(role: &Role, lab: &Lab, request: &Request) -> Result<(), &'static s
         | Request::Subject { device, .. }
         | Request::CalibrateMagnetometer { device, .. }
         | Request::Rename { device, .. } => of_device(role, device),
-        Request::WhatIf { id, .. } | Request::Allan { id, .. } => of_experiment(role, lab, id),
+        Request::WhatIf { id, .. } | Request::Tune { id, .. } | Request::Allan { id, .. } => {
+            of_experiment(role, lab, id)
+        }
         _ => Err(TEACHERS),
     }
 }
@@ -108,6 +110,7 @@ mod tests {
                 true,
             ),
             (json!({"type": "what_if", "id": id}), true),
+            (json!({"type": "tune", "id": id}), true),
             (json!({"type": "allan", "id": id}), true),
             (
                 json!({"type": "archive_experiment", "id": id, "archived": true}),

@@ -15,7 +15,6 @@ use northing_evaluation::RunOptions;
 use tokio::time::MissedTickBehavior;
 
 use crate::addresses::{Addresses, Reach, local_name};
-use crate::mdns::{self, Announcement, Where};
 use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
 use crate::credentials::Credentials;
@@ -28,6 +27,7 @@ use crate::join::{self, Joining};
 use crate::lab::Lab;
 use crate::lab_api::{self, Facts, LabApi};
 use crate::limits::Peer;
+use crate::mdns::{self, Announcement, Where};
 use crate::opened_api;
 use crate::recorder;
 use crate::recordings_api;

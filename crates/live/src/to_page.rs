@@ -20,6 +20,7 @@ use crate::messages::{DeviceStatus, SensorUse};
 use crate::recorder::RecordingStatus;
 use crate::roles::RoleName;
 use crate::session::frame::Frame;
+use crate::tune::Tuned;
 use northing_evaluation::statistics::lamp::Remark;
 
 /// A message to a page.
@@ -53,6 +54,8 @@ pub enum ToPage {
     WhatIf(WhatIf),
     /// The curve of a what-if; it comes after the answer.
     Curve(Curve),
+    /// How far a fit of Q and R is, or what came out.
+    Tuned(Tuned),
     /// A magnetometer calibration goes on or has ended.
     Magnetometer(Box<Magnetometer>),
     /// An Allan deviation, or why there is none.

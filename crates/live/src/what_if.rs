@@ -11,7 +11,7 @@ use northing_evaluation::{
     EstimateRecord, EstimatorKind, EvaluationError, InnovationRecord, RunObserver, RunOptions,
     RunSummary, TraceObserver,
 };
-use northing_recording::SensorKind;
+use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -153,6 +153,11 @@ impl Finished {
 }
 
 impl Altered<'_> {
+    /// The samples.
+    pub(crate) fn events(&self) -> &[Event] {
+        &self.experiment.events
+    }
+
     /// What its subject is run with.
     pub(crate) fn subjects_options(&self) -> RunOptions {
         run_options(&self.experiment, &self.options, self.subject)

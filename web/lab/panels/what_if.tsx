@@ -12,6 +12,7 @@ import { nameOf, roleOf } from "../theme";
 import { degrees, number } from "../words";
 import { isAsMeasured, type Trial, Trials } from "./alterations";
 import { rms } from "./experiment";
+import { endFit, FitButton } from "./fit";
 import { HandIn } from "./hand_in";
 
 let request = 0;
@@ -40,6 +41,7 @@ function isUnderWay(): boolean {
 
 function ask(row: ExperimentRow, settings: Settings, trial: Trial, curve: string | null): void {
   asked = settings;
+  endFit();
   const go = (): void => {
     underWay = ++request;
     askedMs = performance.now();
@@ -90,6 +92,7 @@ export function WhatIf() {
         </select>
       </label>
       <Sliders settings={settings} tuned={tuned} change={set} />
+      <FitButton row={row} settings={settings} trial={trial} tuned={tuned} take={(fitted) => run(fitted)} />
       <Trials row={row} trial={trial} change={(as) => run(settings, { as })} />
       <label class="field">{t("whatIf.over")}
         <select value={curve ?? ""} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, { parameter: e.currentTarget.value }); }}>

@@ -91,6 +91,9 @@ pub fn remarks(
             ),
         ));
     }
+    if let Some(text) = intake.timing_of(SensorKind::Gyroscope).in_words() {
+        remarks.push(Remark::new(Tone::Info, text));
+    }
     counted(&mut remarks, intake, lost_batches);
     if remarks
         .iter()

@@ -6,6 +6,7 @@ use northing_recording::{Event, Sample, SensorKind};
 
 use super::aside::Aside;
 use northing_evaluation::statistics::verdict::resolution::Resolution;
+use northing_evaluation::statistics::verdict::timing::{Timing, TimingSummary};
 
 const SENSORS: usize = SensorKind::ALL.len();
 /// Rates are means over this long, ns.
@@ -219,6 +220,16 @@ impl Intake {
             let rate = self.channels[kind.order()].rate_hz()?;
             Some((kind, rate))
         })
+    }
+
+    /// The intervals between the samples of one sensor in the last two seconds.
+    #[must_use]
+    pub fn timing_of(&self, kind: SensorKind) -> TimingSummary {
+        let mut timing = Timing::default();
+        for stamp in &self.channels[kind.order()].stamps {
+            timing.add(*stamp);
+        }
+        timing.summary()
     }
 
     /// Stamp of the newest sample of one sensor.

@@ -228,6 +228,34 @@ fn health_says_what_is_missing() {
     );
 }
 
+/// Stamps that are times of arrival vary, or come in bunches; those of a sensor do neither.
+#[test]
+fn intervals_that_vary_are_told_while_they_do() {
+    let heard = |stamp_ns: &dyn Fn(i64) -> i64| {
+        let mut live = session();
+        let mut events: Vec<Event> = phone(1).events().take(3000).filter(is_rate).collect();
+        let start = events[0].time_ns;
+        for (k, event) in (0..).zip(&mut events) {
+            event.time_ns = start + stamp_ns(k);
+        }
+        live.take(&mut events);
+        let told = live.status(0).health.into_iter().map(|r| r.text);
+        told.collect::<Vec<_>>().join(" ")
+    };
+    let regular = heard(&|k| k * 10_000_000);
+    let varying = heard(&|k| k * 10_000_000 + (k * 7919 % 13) * 500_000);
+    let bunched = heard(&|k| (k / 4) * 40_000_000 + (k % 4) * 100_000);
+    assert!(
+        !regular.contains("interval") && !regular.contains("bunches"),
+        "{regular}"
+    );
+    assert!(
+        varying.contains("intervals between gyroscope samples vary"),
+        "{varying}"
+    );
+    assert!(bunched.contains("come in bunches"), "{bunched}");
+}
+
 /// Whatever came before: an experiment's result is what was live when it ended, to the bit.
 #[test]
 fn the_result_of_an_experiment_is_the_live_estimate() {

@@ -20,6 +20,8 @@ const WITH: f64 = 0.1;
 /// ... and where so large a share of the samples did, they come in bunches: stamps that merely vary, by up to half an interval, are
 /// that close in one of thirty.
 const BUNCHED: f64 = 0.25;
+/// So many pauses that are made up for afterwards may be a busy computer.
+const FEW_BURSTS: u64 = 3;
 /// Intervals that vary by less than this share of the mean one are regular: timers are no better.
 const REGULAR: f64 = 0.1;
 
@@ -59,7 +61,30 @@ impl TimingSummary {
     /// Whether samples come in bunches.
     #[must_use]
     pub fn is_bunched(&self) -> bool {
-        self.together as f64 > BUNCHED * self.intervals as f64
+        self.together as f64 > BUNCHED * self.intervals as f64 || self.bursts > FEW_BURSTS
+    }
+
+    /// What a gyroscope's stamps look like where they are no times of measurement, and what that does; `None` where nothing is
+    /// wrong with them.
+    #[must_use]
+    pub fn in_words(&self) -> Option<String> {
+        if self.is_bunched() {
+            return Some(format!(
+                "The gyroscope's samples come in bunches ({} of {} come with the one before, or make up for a \
+                 pause): their stamps look like times of arrival. Take the sensor's own time.",
+                self.bursts.max(self.together),
+                self.intervals,
+            ));
+        }
+        self.is_irregular().then(|| {
+            format!(
+                "The intervals between gyroscope samples vary by {:.1} ms about {:.1} ms: if these are times of arrival, \
+                 a turn of 100 deg/s is off by {:.2} deg with each.",
+                1e3 * self.jitter_s,
+                1e3 * self.interval_s,
+                100.0 * self.jitter_s,
+            )
+        })
     }
 }
 

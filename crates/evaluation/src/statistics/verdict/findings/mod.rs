@@ -251,32 +251,22 @@ impl Diagnosis {
 
     fn stamps(&self, findings: &mut Vec<Finding>) {
         let timing = self.gyroscope.timing.summary();
-        let intervals = timing.intervals.max(1) as f64;
-        let bunches = timing.bursts.max(timing.together) as f64;
-        if timing.is_bunched() || timing.bursts > 3 {
-            findings.push(Finding {
-                cause: Cause::Bursts,
-                sensor: SensorKind::Gyroscope,
-                confidence: 1.0 - 1.0 / bunches,
-                sentence: format!(
-                    "The gyroscope's samples come in bunches ({bunches:.0} of {} come with the one before, or make up for a \
-                     pause): their stamps look like times of arrival. Take the sensor's own time.",
-                    timing.intervals,
-                ),
-            });
-        } else if timing.is_irregular() {
-            findings.push(Finding {
-                cause: Cause::Jitter,
-                sensor: SensorKind::Gyroscope,
-                confidence: 1.0 - 1.0 / intervals.sqrt(),
-                sentence: format!(
-                    "The intervals between gyroscope samples vary by {:.1} ms about {:.1} ms: if these are times of arrival, \
-                     a turn of 100 deg/s is off by {:.2} deg with each.",
-                    1e3 * timing.jitter_s,
-                    1e3 * timing.interval_s,
-                    100.0 * timing.jitter_s,
-                ),
-            });
-        }
+        let Some(sentence) = timing.in_words() else {
+            return;
+        };
+        let (cause, doubt) = if timing.is_bunched() {
+            (
+                Cause::Bursts,
+                1.0 / timing.bursts.max(timing.together) as f64,
+            )
+        } else {
+            (Cause::Jitter, 1.0 / (timing.intervals.max(1) as f64).sqrt())
+        };
+        findings.push(Finding {
+            cause,
+            sensor: SensorKind::Gyroscope,
+            confidence: 1.0 - doubt,
+            sentence,
+        });
     }
 }
