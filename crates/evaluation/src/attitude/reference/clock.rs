@@ -229,16 +229,23 @@ fn best(
         });
         tried.max_by(highest)
     };
-    let places = Grid::places(windows);
-    let coarse = (-reach..=reach)
-        .filter_map(|k| Some((k as f64 * COARSE_S, grid.correlation(&places, k)?)))
-        .max_by(highest)?;
-    let mut best = around(coarse.0, FINE_S, 6)?;
+    let anywhere = || {
+        let places = Grid::places(windows);
+        let coarse = (-reach..=reach)
+            .filter_map(|k| Some((k as f64 * COARSE_S, grid.correlation(&places, k)?)))
+            .max_by(highest)?;
+        around(coarse.0, FINE_S, 6)
+    };
     let near = prefer_s.and_then(|common_s| around(common_s, FINE_S, 10));
-    if let Some(near) = near.filter(|near| near.1 > best.1 - NEARLY_AS_GOOD) {
-        best = near;
-    }
-    let (offset_s, peak) = best;
+    let (offset_s, peak) = match near {
+        // No other can be better by more: none correlates beyond 1.
+        Some(near) if near.1 > 1.0 - NEARLY_AS_GOOD => near,
+        near => {
+            let best = anywhere()?;
+            near.filter(|near| near.1 > best.1 - NEARLY_AS_GOOD)
+                .unwrap_or(best)
+        }
+    };
     let (before, after) = (at(offset_s - FINE_S)?, at(offset_s + FINE_S)?);
     // The peak of the parabola through three values, and what its curvature and the noise leave open.
     let curvature = (before - 2.0 * peak + after).min(-1e-12);
