@@ -139,7 +139,7 @@ impl Reach {
     }
 
     /// The lab answers for this name on the network. Returns whether that is news.
-    pub fn is_called(&self, name: &str) -> bool {
+    pub fn answers_for(&self, name: &str) -> bool {
         let mut present = self
             .lab_name
             .write()

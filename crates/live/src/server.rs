@@ -238,10 +238,11 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
 
 /// Answers for the lab's name on the network, and tells the pages once it does.
 fn announced(port: u16, lab: &Arc<Lab>, facts: &Arc<Facts>) -> Option<Announcement> {
-    let instance = match facts.name.as_str() {
-        "" => "Northing lab".to_owned(),
-        // A label of DNS has no more than 63 bytes.
-        name => name.chars().filter(char::is_ascii).take(40).collect(),
+    // A label of DNS has no more than 63 bytes; dots part labels.
+    let name = facts.name.replace('.', " ");
+    let instance = match name.floor_char_boundary(60) {
+        0 => "Northing lab",
+        end => &name[..end],
     };
     let (told_lab, told_facts) = (Arc::downgrade(lab), Arc::downgrade(facts));
     let told = move || {
@@ -249,7 +250,7 @@ fn announced(port: u16, lab: &Arc<Lab>, facts: &Arc<Facts>) -> Option<Announceme
             lab.tell(&lab_api::hello(&facts, &Role::Teacher));
         }
     };
-    Announcement::begin(port, &instance, Where::Networks, &facts.reach, told)
+    Announcement::begin(port, instance, Where::Networks, &facts.reach, told)
 }
 
 /// Looks again and again under which addresses this computer is reached, and tells the pages when

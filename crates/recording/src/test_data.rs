@@ -40,7 +40,7 @@ fn folder(variable: &str, test: &str) -> Option<PathBuf> {
     match find(variable, env::var_os(variable), required) {
         Ok(Some(path)) => Some(path),
         Ok(None) => {
-            say_skipped(&format!("skipped ({variable} is not set): {test}\n"));
+            skipped(&format!("{variable} is not set"), test);
             None
         }
         Err(message) => panic!("{test}: {message}"),
@@ -68,8 +68,10 @@ fn find(
     }
 }
 
-/// One write of one line: tests run side by side and append to the same file.
-fn say_skipped(line: &str) {
+/// Says that `test` is skipped and why, and counts it.
+pub fn skipped(why: &str, test: &str) {
+    // One write of one line: tests run side by side and append to the same file.
+    let line = format!("skipped ({why}): {test}\n");
     eprint!("{line}");
     let Some(log) = env::var_os("NORTHING_SKIP_LOG") else {
         return;
