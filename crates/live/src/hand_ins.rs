@@ -323,3 +323,74 @@ fn judged(path: &Path) -> Result<Judged, String> {
     let (_, judged) = HandIn::read(file).map_err(|error| error.to_string())?;
     Ok(judged)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn kept_in(folder: &Path) -> HandIns {
+        HandIns::new(Some(folder.to_owned()))
+    }
+
+    #[test]
+    fn one_device_does_not_fill_the_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let lab = kept_in(folder.path());
+        for number in 1..=MOST_OF_DEVICE {
+            let file = lab.keep("a", "bias-ana", b"x").unwrap();
+            assert_eq!(
+                file,
+                numbered("bias-ana", number),
+                "nothing is written over"
+            );
+        }
+        let refused = lab.keep("a", "bias-ana", b"x").unwrap_err();
+        assert!(
+            refused.starts_with("200 hand-ins of this device"),
+            "{refused}"
+        );
+        assert_eq!(lab.keep("b", "bias-eva", b"x").unwrap(), "bias-eva.zip");
+        assert_eq!(listed(folder.path()).len(), MOST_OF_DEVICE as usize + 1);
+    }
+
+    #[test]
+    fn a_full_folder_is_told_with_its_size() {
+        let folder = tempfile::tempdir().unwrap();
+        for number in 0..MOST_KEPT.0 {
+            fs::write(folder.path().join(format!("old-{number}.zip")), b"").unwrap();
+        }
+        // What is no hand-in does not count.
+        fs::write(folder.path().join("notes.txt"), b"mine").unwrap();
+        let lab = kept_in(folder.path());
+        let refused = lab.keep("a", "bias-ana", b"x").unwrap_err();
+        assert!(
+            refused.contains("is full: it has 5000 files of 0 MiB"),
+            "{refused}"
+        );
+        fs::remove_file(folder.path().join("old-7.zip")).unwrap();
+        assert_eq!(lab.keep("a", "bias-ana", b"x").unwrap(), "bias-ana.zip");
+
+        let folder = tempfile::tempdir().unwrap();
+        // A file with nothing in it takes no room on the disk.
+        let large = fs::File::create(folder.path().join("large.zip")).unwrap();
+        if large.set_len(MOST_KEPT.1).is_ok() {
+            let refused = kept_in(folder.path()).keep("a", "bias-ana", b"x");
+            let refused = refused.unwrap_err();
+            assert!(refused.contains("1 files of 8192 MiB"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_kept_is_held_until_it_makes_room() {
+        let lab = HandIns::new(None);
+        let refused = lab.keep("a", "bias-ana", b"x").unwrap_err();
+        assert!(refused.contains("--no-recording"), "{refused}");
+        let bytes = Arc::new(vec![0_u8; 1 << 20]);
+        let names: Vec<String> = (0..70).map(|_| lab.hold("bias-ana", &bytes)).collect();
+        assert_eq!(names[1], "bias-ana-2.zip");
+        let held = lock(&lab.held);
+        assert_eq!(held.len(), MOST_HELD.1 >> 20, "the newest");
+        assert_eq!(held.back().map(|(name, _)| name), names.last());
+    }
+}

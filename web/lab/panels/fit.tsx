@@ -46,6 +46,9 @@ export function FitButton({ row, settings, trial, tuned, take }: { row: Experime
   );
 }
 
+/** A name that may go on in the next line after an underscore. */
+const breakable = (name: string) => name.split(/(?<=_)/).map((part) => <span key={part}>{part}<wbr /></span>);
+
 function Outcome({ message }: { message: Tuned }) {
   const fit = message.fit!;
   const far = fit.parameters.filter((p) => p.ran_off).map((p) => p.name);
@@ -56,7 +59,7 @@ function Outcome({ message }: { message: Tuned }) {
         <thead><tr><th scope="col">{t("fit.parameter")}</th><th scope="col" class="num">{t("fit.before")}</th><th scope="col" class="num">{t("fit.after")}</th></tr></thead>
         <tbody>
           {fit.parameters.map((p: FittedParameter) => (
-            <tr key={p.name} data-fitted={p.name}><th scope="row"><code>{p.name}</code></th><td class="num">{figures(p.before)}</td><td class="num">{p.ran_off ? "–" : figures(p.after)}</td></tr>
+            <tr key={p.name} data-fitted={p.name}><th scope="row"><code>{breakable(p.name)}</code></th><td class="num">{figures(p.before)}</td><td class="num">{p.ran_off ? "–" : figures(p.after)}</td></tr>
           ))}
         </tbody>
       </table>
