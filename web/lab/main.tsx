@@ -155,6 +155,6 @@ function Notice() {
   );
 }
 
-followLanguage(() => update(() => undefined));
+followLanguage(async () => (await import("../words/program.json")).default, () => update(() => undefined));
 render(<App />, document.getElementById("lab")!);
 connect();

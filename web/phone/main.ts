@@ -3,6 +3,7 @@
 import "./main.css";
 import { askPermission, type Channel, meters, type Row, startSensors } from "./sensors";
 import { language, setLanguage } from "../words/language";
+import { followLanguage } from "../words/program";
 import { Mine, sentence, type UnderWay } from "./mine";
 import { byId, element, say, t, writeFixed } from "./t";
 import { type Command, Uplink } from "./uplink";
@@ -191,6 +192,8 @@ function write(): void {
   mine.show();
 }
 
+// What the program itself says, in Spanish: a file of its own, for who reads Spanish.
+followLanguage(async () => (await fetch("/assets/program.json")).json(), write);
 byId("language").addEventListener("click", () => {
   setLanguage(language() === "en" ? "es" : "en");
   write();

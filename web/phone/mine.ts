@@ -1,6 +1,7 @@
 // The student's part of the phone page: attitude, lamps, calibration, Q and R, experiment and result of this phone.
 // Plain requests: Safari refuses WebSockets on a self-made certificate.
 
+import { inLanguage } from "../words/program";
 import { byId, element, has, type Key, say, t } from "./t";
 
 type Triple = [number, number, number];
@@ -120,7 +121,7 @@ export class Mine {
     // Nothing of it has been read yet, or the lab has just come back: again in a moment.
     if (status === 0 || status === 404) return;
     this.notBefore = performance.now() + REFUSED_MS;
-    this.problem(t("notJoined", { why: reply.error ?? String(status) }));
+    this.problem(t("notJoined", { why: inLanguage(reply.error ?? String(status)) }));
   }
 
   private async post(path: string, body: object, headers: Record<string, string> = {}): Promise<{ status: number; reply: { error?: string; code?: string } }> {
@@ -137,12 +138,12 @@ export class Mine {
     this.busy = true;
     const { status, reply } = await this.post("/api/ask", request);
     this.busy = false;
-    this.problem(status === 200 ? "" : t("failed", { why: reply.error ?? String(status) }));
+    this.problem(status === 200 ? "" : t("failed", { why: inLanguage(reply.error ?? String(status)) }));
   }
 
   private async code(): Promise<void> {
     const { status, reply } = await this.post("/join/code", {});
-    if (status !== 200 || !reply.code) return this.problem(t("failed", { why: reply.error ?? String(status) }));
+    if (status !== 200 || !reply.code) return this.problem(t("failed", { why: inLanguage(reply.error ?? String(status)) }));
     byId("code").hidden = byId("code-where").hidden = false;
     say(byId("code"), `${reply.code.slice(0, 4)} ${reply.code.slice(4)}`);
     say(byId("code-where"), t("laptop.open", { url: `${location.origin}/join` }));
@@ -230,7 +231,7 @@ export class Mine {
     const { calibration, rest } = s;
     const bad = calibration?.tone === "bad";
     byId("rest-said").className = `verdict ${bad ? "bad" : rest ? "good" : "idle"}`;
-    say(byId("rest-said"), calibration && bad ? `${t("calibrate.refused")}: ${calibration.text}` : t(rest ? "calibrate.done" : "calibrate.none"));
+    say(byId("rest-said"), calibration && bad ? `${t("calibrate.refused")}: ${inLanguage(calibration.text)}` : t(rest ? "calibrate.done" : "calibrate.none"));
     say(byId("calibrate"), s.under_way?.what === "calibration" ? t("left", { seconds: Math.ceil(s.under_way.remaining_s) }) : t(rest ? "calibrate.again" : "calibrate.start"));
     byId("rest").hidden = !rest;
     if (!rest) return;

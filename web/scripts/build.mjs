@@ -23,7 +23,7 @@ const common = {
 /** Text files travel compressed; each lies beside the plain one. */
 async function compress(folder) {
   for (const file of await readdir(folder)) {
-    if (!/\.(js|css|html|svg)$/.test(file)) continue;
+    if (!/\.(js|css|html|svg|json)$/.test(file)) continue;
     const path = join(folder, file);
     if (!dev) await writeFile(`${path}.gz`, gzipSync(await readFile(path), { level: 9 }));
     const packed = dev ? "" : `, ${((await stat(`${path}.gz`)).size / 1000).toFixed(1)} kB compressed`;
@@ -39,9 +39,17 @@ async function page(name, entry, settings, files = ["index.html", "icon.svg"]) {
   await compress(folder);
 }
 
+/** The program's sentences in every language, without the spaces of the source. */
+async function writeWords(name) {
+  await mkdir(join(out, name), { recursive: true });
+  await writeFile(join(out, name, "program.json"), JSON.stringify(JSON.parse(await readFile(join(root, "words/program.json"), "utf8"))));
+}
+
 await rm(out, { recursive: true, force: true });
 // The lab page runs in browsers of today, and loads its 3-D view after itself; phones may be years old; reports are one file.
 await page("lab", dev ? "dev/lab.ts" : "lab/main.tsx", { format: "esm", splitting: true, chunkNames: "[name]-[hash]", target: "es2020" });
 await page("join", "join/main.ts", { format: "iife", target: "es2019" });
+// What the program says is another file there: the page is read in English, too.
+await writeWords("phone");
 await page("phone", "phone/main.ts", { format: "iife", target: "es2019" });
 if (!dev) await page("report", "report/main.ts", { format: "iife", target: "es2020" }, []);

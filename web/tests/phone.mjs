@@ -16,8 +16,8 @@ import { atTheEnd, certificate, launch, picture, suite, test, until, web } from 
 import { phone } from "./scripted_phone.mjs";
 
 const TOKEN = "Zm9yIHRlc3RzIG9ubHkhIQ";
-const TYPES = { html: "text/html; charset=utf-8", js: "text/javascript", css: "text/css", svg: "image/svg+xml" };
-const PAGE = { "/p": "index.html", "/assets/phone.js": "phone.js", "/assets/phone.css": "phone.css", "/assets/icon.svg": "icon.svg" };
+const TYPES = { html: "text/html; charset=utf-8", js: "text/javascript", css: "text/css", svg: "image/svg+xml", json: "application/json" };
+const PAGE = { "/p": "index.html", "/assets/phone.js": "phone.js", "/assets/phone.css": "phone.css", "/assets/icon.svg": "icon.svg", "/assets/program.json": "program.json" };
 
 /** Serves the page and takes batches. `answer` may be replaced by a test. */
 async function lab(port = 0) {

@@ -4,15 +4,17 @@
 // |---|---|
 // | all strings in one catalogue | no page has words of its own |
 // | checked for completeness | every text is there in both languages |
+// | the phone's page, too | a phone's page in Spanish says in Spanish why a calibration was refused |
 // | English and Spanish | in Spanish nothing English is left on the lab page: no text of the catalogue, no sentence of the program |
 import assert from "node:assert/strict";
-import { readFile } from "node:fs/promises";
+import { readdir, readFile } from "node:fs/promises";
 import { join, relative } from "node:path";
 import { API } from "typescript/unstable/sync";
 import { SyntaxKind } from "typescript/unstable/ast";
 import { launch, suite, test, until, web } from "./browser.mjs";
 import { openLab } from "./lab_page.mjs";
 import { startLab } from "./program.mjs";
+import { Hand, phone } from "./scripted_phone.mjs";
 
 const CATALOGUES = ["phone", "join", "lab", "instrument", "course"];
 const catalogueOf = async (name) => JSON.parse(await readFile(join(web, `words/${name}.json`), "utf8"));
@@ -93,6 +95,15 @@ await suite(async () => {
   });
 
   await test("no page has words of its own beside the catalogue", async () => assert.deepEqual(wordsIn(["lab", "phone", "join", "instrument"]), []));
+
+  await test("no page's script has what Safari of 2022 cannot read: one such expression, and nothing runs", async () => {
+    for (const page of ["lab", "join", "phone", "report"]) {
+      for (const file of (await readdir(join(web, "dist", page))).filter((file) => file.endsWith(".js"))) {
+        const script = await readFile(join(web, "dist", page, file), "utf8");
+        assert.ok(!/\(\?<[=!]/.test(script), `a look-behind in ${page}/${file}`);
+      }
+    }
+  });
 
   const lab = await startLab();
   const browser = await launch();
@@ -176,4 +187,21 @@ await suite(async () => {
     assert.deepEqual(view.complaints, []);
     await context.close();
   }, 200);
-}, 300);
+
+  await test("a phone's page in Spanish says in Spanish why a calibration was refused", async () => {
+    const hand = new Hand();
+    const device = await phone(browser, lab.phoneUrl(), hand, { locale: "es-ES" });
+    await device.start("Ana");
+    const { page } = device;
+    await until("the calibration to be offered", async () => (await page.locator("#mine").isVisible()) && (await page.locator("#calibrate").isEnabled()), 60);
+    await page.click("#calibrate");
+    const swings = setInterval(() => hand.rests && hand.turn(hand.degrees > 30 ? 0 : 60, 1), 100);
+    const said = () => page.locator("#rest-said").textContent();
+    await until("the refusal", async () => /^No aceptada/.test(await said()), 60);
+    clearInterval(swings);
+    const words = await said();
+    assert.match(words, /el dispositivo (se movió|no estaba en reposo)/);
+    assert.ok(!ENGLISH.test(words), words);
+    await device.close();
+  });
+}, 360);

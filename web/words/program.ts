@@ -3,6 +3,12 @@
 
 import { filled, language, onLanguage, type Text } from "./language";
 
+/** Sentences with places, and words that may stand in the places. */
+export interface Catalogue {
+  sentences: Text[];
+  words: Text[];
+}
+
 interface Rule {
   /** What stands before the first place, in small letters: most rules are out by it. */
   start: string;
@@ -36,27 +42,31 @@ function translated(sentence: string): string {
   return sentence;
 }
 
+/** The sentences of a text: a point, and a capital behind it. */
+const sentences = (text: string): string[] => text.match(/\S.*?[.?!](?=\s+\p{Lu}|\s*$)|\S.*$/gu) ?? [text];
+
 /** A text of the program in the language of now. */
 export function inLanguage(text: string): string {
   if (language() === "en" || !rules.length) return text;
   let said = known.get(text);
   if (said === undefined) {
-    said = words.get(text) ?? text.split(/(?<=[.?!])\s+(?=\p{Lu})/u).map(translated).join(" ");
+    said = words.get(text) ?? sentences(text).map(translated).join(" ");
     if (known.size >= MOST_KNOWN) known = new Map();
     known.set(text, said);
   }
   return said;
 }
 
-/** Fetches the sentences once somebody reads Spanish, and calls when they are there. */
-export function followLanguage(ready: () => void): void {
-  const fetch = async (): Promise<void> => {
+/** Fetches the sentences once somebody reads Spanish, and calls when they are there; until then, and where they cannot be had, English stays. */
+export function followLanguage(catalogue: () => Promise<Catalogue>, ready: () => void): void {
+  const get = async (): Promise<void> => {
     if (language() === "en" || rules.length) return;
-    const { default: catalogue } = await import("./program.json");
-    rules = catalogue.sentences.map(rule);
-    words = new Map(catalogue.words.map(({ en, es }) => [en, es]));
+    const found = await catalogue();
+    rules = found.sentences.map(rule);
+    words = new Map(found.words.map(({ en, es }) => [en, es] as [string, string]));
     ready();
   };
-  onLanguage(() => void fetch());
-  void fetch();
+  const follow = (): void => void get().catch(() => undefined);
+  onLanguage(follow);
+  follow();
 }

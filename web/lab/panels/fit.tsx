@@ -47,7 +47,7 @@ export function FitButton({ row, settings, trial, tuned, take }: { row: Experime
 }
 
 /** A name that may go on in the next line after an underscore. */
-const breakable = (name: string) => name.split(/(?<=_)/).map((part) => <span key={part}>{part}<wbr /></span>);
+const breakable = (name: string) => name.split("_").map((part, i) => <span key={i}>{i > 0 && <>_<wbr /></>}{part}</span>);
 
 function Outcome({ message }: { message: Tuned }) {
   const fit = message.fit!;
