@@ -82,7 +82,7 @@ function Header() {
 /** The page in the other language, named in that language. */
 function OtherLanguage() {
   const other = language() === "en" ? "es" : "en";
-  return <button type="button" class="language" lang={other} aria-label={LANGUAGES[other]} title={t("language.other", { name: LANGUAGES[other] })} onClick={() => setLanguage(other)}>{other.toUpperCase()}</button>;
+  return <button type="button" class="language" lang={other} aria-label={`${other.toUpperCase()}, ${LANGUAGES[other]}`} title={t("language.other", { name: LANGUAGES[other] })} onClick={() => setLanguage(other)}>{other.toUpperCase()}</button>;
 }
 
 const LOWER: Lower[] = ["live", "experiments", "what-if", "allan", "recordings"];

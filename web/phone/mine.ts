@@ -136,7 +136,12 @@ export class Mine {
   private async ask(request: object): Promise<void> {
     if (this.busy) return;
     this.busy = true;
-    const { status, reply } = await this.post("/api/ask", request);
+    let { status, reply } = await this.post("/api/ask", request);
+    // A lab that has just started again knows this phone from the next batch on.
+    for (let tries = 0; status === 503 && tries < 10; tries++) {
+      await new Promise((done) => window.setTimeout(done, POLL_MS));
+      ({ status, reply } = await this.post("/api/ask", request));
+    }
     this.busy = false;
     this.problem(status === 200 ? "" : t("failed", { why: inLanguage(reply.error ?? String(status)) }));
   }

@@ -191,6 +191,11 @@ async fn ask(State(api): State<LabApi>, Extension(role): Extension<Role>, body: 
         let text = "this is asked over the WebSocket of the lab page";
         return refused(StatusCode::BAD_REQUEST, text);
     }
+    // After a start the lab knows keys, but a device only from its next batch on; so it is with one that was taken away.
+    if role.device().is_some_and(|own| api.lab.find(own).is_err()) {
+        let text = "the lab does not hear this phone now: it is there again with its next samples";
+        return refused(StatusCode::SERVICE_UNAVAILABLE, text);
+    }
     match carry_out(&api.lab, request).await {
         Ok(()) => Json(json!({})).into_response(),
         Err(text) => refused(StatusCode::CONFLICT, &text),
