@@ -45,6 +45,8 @@ interface Result {
 }
 
 const POLL_MS = 250;
+/** So long a request waits for a lab that does not hear this phone: a page that comes back has batches to send first. */
+const NOT_HEARD_MS = 20_000;
 /** A lab, or a phone, that has much to do is asked less often: for a third of the time, but no less than a hidden page asks. */
 const PAUSES = 2;
 const HIDDEN_POLL_MS = 2000;
@@ -138,7 +140,9 @@ export class Mine {
     this.busy = true;
     let { status, reply } = await this.post("/api/ask", request);
     // A lab that has just started again knows this phone from the next batch on.
-    for (let tries = 0; status === 503 && tries < 10; tries++) {
+    const begunMs = performance.now();
+    while (status === 503 && performance.now() - begunMs < NOT_HEARD_MS) {
+      this.problem(t("failed", { why: inLanguage(reply.error ?? String(status)) }));
       await new Promise((done) => window.setTimeout(done, POLL_MS));
       ({ status, reply } = await this.post("/api/ask", request));
     }
