@@ -79,7 +79,8 @@ async function calibrates(student) {
 }
 
 async function oneExperiment(student, degrees) {
-  const left = async () => Number(/\d+/.exec(await student.page.locator("#left").textContent())?.[0] ?? 120);
+  // The text of the last experiment stays where it was, hidden.
+  const left = async () => Number(/\d+/.exec(await student.page.locator("#left:visible").textContent({ timeout: 1000 }))?.[0] ?? 120);
   const rests = async (s) => {
     const from = await left();
     await until(`${s} s of rest`, async () => (await left()) <= from - s, PATIENCE_S);
@@ -88,7 +89,7 @@ async function oneExperiment(student, degrees) {
   await student.page.selectOption("#seconds", "120");
   await until(`${student.name} may start`, () => student.page.locator("#run").isEnabled(), PATIENCE_S);
   await student.page.click("#run");
-  await until(`${student.name}'s countdown`, async () => /\d+ s left/.test(await student.page.locator("#left").textContent()), PATIENCE_S);
+  await until(`${student.name}'s countdown`, async () => /\d+ s left/.test(await student.page.locator("#left:visible").textContent({ timeout: 1000 })), PATIENCE_S);
   await rests(3);
   student.hand.turn(degrees, 2);
   await until(`${student.name}'s turn`, () => student.hand.rests, PATIENCE_S);
@@ -104,6 +105,16 @@ async function oneExperiment(student, degrees) {
 
 /** Steps (7) to (11): starts, turns the phone, watches it, brings it back, reads the errors. A busy computer takes long: it ends by hand. */
 async function experiments(student, degrees) {
+  try {
+    await experimentsOf(student, degrees);
+  } catch (error) {
+    // What the student saw.
+    await student.page.screenshot({ path: join(screenshots, "class-failed.png"), fullPage: true, timeout: 20_000 }).catch(() => undefined);
+    throw new Error(`${student.name}: "${await student.page.locator("#problem").textContent()}", ${await student.state()}: ${error.stack}`);
+  }
+}
+
+async function experimentsOf(student, degrees) {
   // Too few samples of a busy computer are no rest: the page says so, and it is done again.
   let tries = 0;
   do await oneExperiment(student, degrees); while (++tries < 4 && (await student.moved()));

@@ -219,6 +219,12 @@ impl Request {
                 | Self::Input { .. }
         )
     }
+
+    /// Whether it cannot be begun with a device from which no gyroscope sample has come.
+    #[must_use]
+    pub const fn needs_samples(&self) -> bool {
+        matches!(self, Self::Calibrate { .. } | Self::Experiment { .. })
+    }
 }
 
 /// What a what-if changes; what is not said is as it was.

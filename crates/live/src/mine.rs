@@ -21,6 +21,7 @@ use crate::messages::{Request, UnderWay};
 use crate::page::carry_out;
 use crate::permissions;
 use crate::roles::{Role, RoleName, refused};
+use crate::session::waiting::nothing_received;
 use crate::to_page::{ExperimentRow, RestNumbers};
 
 /// Longest request, bytes.
@@ -191,13 +192,28 @@ async fn ask(State(api): State<LabApi>, Extension(role): Extension<Role>, body: 
         let text = "this is asked over the WebSocket of the lab page";
         return refused(StatusCode::BAD_REQUEST, text);
     }
-    // After a start the lab knows keys, but a device only from its next batch on; so it is with one that was taken away.
-    if role.device().is_some_and(|own| api.lab.find(own).is_err()) {
-        let text = "the lab does not hear this phone now: it is there again with its next samples";
-        return refused(StatusCode::SERVICE_UNAVAILABLE, text);
+    if let Some(why) = role
+        .device()
+        .and_then(|own| not_yet(&api.lab, own, &request))
+    {
+        return refused(StatusCode::SERVICE_UNAVAILABLE, &why);
     }
     match carry_out(&api.lab, request).await {
         Ok(()) => Json(json!({})).into_response(),
         Err(text) => refused(StatusCode::CONFLICT, &text),
     }
+}
+
+/// Why a request of a phone cannot be carried out before its next samples: the page asks again. After a start the lab
+/// knows keys, but a device only from its next batch on; so it is with one that was taken away.
+fn not_yet(lab: &Arc<Lab>, own: &str, request: &Request) -> Option<String> {
+    let Ok(device) = lab.find(own) else {
+        let text = "the lab does not hear this phone now: it is there again with its next samples";
+        return Some(text.into());
+    };
+    let status = lock(&device.status);
+    if !request.needs_samples() || status.session.rates_hz.contains_key("gyroscope") {
+        return None;
+    }
+    Some(nothing_received())
 }

@@ -11,6 +11,12 @@ pub const EXPERIMENT_PATIENCE_S: f64 = 30.0;
 pub const WHAT_TO_DO: &str = "Unlock the phone, bring its page or app to the front, allow motion sensors, and see \
      that phone and computer share a network.";
 
+/// No gyroscope sample has come, and what to do.
+#[must_use]
+pub fn nothing_received() -> String {
+    format!("Nothing received: no gyroscope sample has come from this device. {WHAT_TO_DO}")
+}
+
 /// Times of arrival, ns: the lab's clock, or that of a recording.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Waiting {
@@ -44,9 +50,7 @@ impl DeviceSession {
     pub fn has_samples(&self) -> Result<(), String> {
         match self.last_gyroscope_ns {
             Some(_) => Ok(()),
-            None => Err(format!(
-                "Nothing received: no gyroscope sample has come from this device. {WHAT_TO_DO}"
-            )),
+            None => Err(nothing_received()),
         }
     }
 

@@ -472,6 +472,38 @@ fn without_a_link_no_teacher_comes_from_elsewhere() {
 }
 
 #[test]
+fn what_needs_a_gyroscope_waits_for_its_first_sample() {
+    let lab = TestLab::start();
+    let mut events = sensor_events(4);
+    let mut at = 0;
+    events.retain(|event| {
+        at += 1;
+        at > 300 || !matches!(event.sample, Sample::AngularRate(_))
+    });
+    let mut anna = Phone::new(&lab, "anna", events);
+    anna.send(&lab, 2);
+    assert_eq!(anna.join(&lab).status, 200);
+    for request in [
+        json!({"type": "experiment", "seconds": 3.0, "name": "early"}),
+        json!({"type": "calibrate", "seconds": 3.0}),
+    ] {
+        let answer = anna.ask(&request);
+        // The page asks again after 503.
+        assert_eq!(answer.status, 503, "{}", answer.text());
+        assert!(answer.text().contains("no gyroscope sample has come"));
+    }
+    let settings = json!({"type": "settings", "profile": "lab"});
+    assert_eq!(anna.ask(&settings).status, 200);
+    anna.send(&lab, 4);
+    let experiment = json!({"type": "experiment", "seconds": 3.0, "name": "then"});
+    wait_for("gyroscope samples", || {
+        let status = anna.ask(&experiment).status;
+        assert!(matches!(status, 200 | 503), "{status}");
+        (status == 200).then_some(())
+    });
+}
+
+#[test]
 fn pages_of_another_origin_cannot_use_the_cookie() {
     let lab = TestLab::start();
     let mut anna = joined(&lab, "anna", 3);
