@@ -272,6 +272,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
         "RMSE m",
         "median m",
         "coverage",
+        "seen",
         "switches",
         "in 95 %",
         "<",
@@ -284,6 +285,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
                 number(target.rmse_m, 1),
                 number(target.median_error_m, 1),
                 format!("{:.2}", target.coverage),
+                format!("{:.2}", target.seen),
                 target.switches.to_string(),
                 number(target.inside_95, 2),
                 if target.lost { "lost" } else { "" }.to_owned(),
@@ -329,8 +331,15 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
 /// The scores over all targets, and what they were measured with.
 fn scores(summary: &TrackSummary, cutoff_m: f64) -> String {
     let mean = |value: Option<f64>| value.map_or("-".to_owned(), metres);
+    // Where the best assignment is not known, what was found and the bound below it differ.
+    let over_time = match (summary.tgospa_m, summary.tgospa_at_least_m) {
+        (Some(found), Some(least)) if found > 1.001 * least => {
+            format!("{} to {}", metres(least), metres(found))
+        }
+        (found, _) => mean(found),
+    };
     format!(
-        "  cut-off {}, covered within {}; mean GOSPA {}, OSPA {}; on no target {} tracks an hour\n",
+        "  cut-off {}, covered within {}; mean GOSPA {}, OSPA {}; T-GOSPA {over_time}; on no target {} tracks an hour\n",
         metres(cutoff_m),
         metres(COVERED * cutoff_m),
         mean(summary.gospa_m),

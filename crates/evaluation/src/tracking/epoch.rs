@@ -89,6 +89,24 @@ impl FollowedTrack {
     }
 }
 
+#[cfg(test)]
+impl TrackedTarget {
+    /// One at rest at this place, 2 m known on each axis.
+    pub(super) fn at(id: u32, place: Place) -> Self {
+        Self {
+            id,
+            place,
+            velocity: [0.0, 0.0],
+            turn_rate: 0.0,
+            covariance: TargetCovariance::from_diagonal(&[4.0, 1.0, 4.0, 1.0, 0.01].into()),
+            existence: 1.0,
+            visibility: 1.0,
+            models: [1.0, 0.0, 0.0],
+            association: TargetAssociation::default(),
+        }
+    }
+}
+
 impl TrackedTarget {
     pub(super) fn new(track: &Track<f64, MODELS>, association: TargetAssociation) -> Self {
         let mode = track.estimate();

@@ -7,6 +7,7 @@
 //! | [`runner`] | the tracker over a recording, with own-ship uncertainty stated or injected |
 //! | `scan_tracker.rs` | the tracker scan by scan, with as much room as the scans need |
 //! | [`matching`] | which track is which target: optimal assignment; GOSPA |
+//! | [`trajectories`] | T-GOSPA: over time, with a cost of changes of track |
 //! | [`outcome`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
 //! | `scale.rs` | the settings and the cut-off that follow from sensor and scene |
 //! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
@@ -20,6 +21,7 @@ pub mod outcome;
 pub mod runner;
 mod scale;
 mod scan_tracker;
+pub mod trajectories;
 
 pub use epoch::{
     EpochScan, FollowedTrack, TargetAssociation, TrackEpoch, TrackedTarget, end_reason,

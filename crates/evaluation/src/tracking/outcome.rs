@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::epoch::TrackedTarget;
 use super::matching::{Gospa, Place, assign, distance, ospa_m};
+use super::trajectories::{Trajectories, TrajectoryDistance};
 use crate::used_parameters::UsedParameter;
 
 /// A target counts as covered by a track nearer than this share of the cut-off.
@@ -32,6 +33,8 @@ pub struct TargetSummary {
     pub median_error_m: Option<f64>,
     /// Share of the instants with a track within half the cut-off.
     pub coverage: f64,
+    /// Share of the instants with a detection that has a position within the cut-off: what the sensor saw of it, or of what is near.
+    pub seen: f64,
     /// Whether the coverage is below one half.
     pub lost: bool,
     /// How often the target's track became another one.
@@ -76,6 +79,11 @@ pub struct TrackSummary {
     pub gospa_m: Option<f64>,
     /// Mean OSPA, p = 2, with that cut-off.
     pub ospa_m: Option<f64>,
+    /// T-GOSPA, p = 2, alpha = 2, with that cut-off, which is also what a change of track costs: the root of the mean square over the
+    /// instants with true positions, of the best assignment that was found.
+    pub tgospa_m: Option<f64>,
+    /// No assignment is nearer; equal to `tgospa_m` where that is known to be the best.
+    pub tgospa_at_least_m: Option<f64>,
     /// What the tracker did and refused.
     pub counts: Counts,
     /// What the reader left out.
@@ -137,6 +145,7 @@ struct TargetTally {
     epochs: usize,
     errors: Vec<f64>,
     covered: usize,
+    seen: usize,
     inside: usize,
     normalised_squares: f64,
     switches: usize,
@@ -160,6 +169,7 @@ pub(super) struct Score {
     gospa_sum: f64,
     ospa_sum: f64,
     count: usize,
+    trajectories: Trajectories,
     /// The first and the last instant with true positions, s.
     scored_s: Option<[f64; 2]>,
 }
@@ -179,8 +189,14 @@ impl Score {
         self.confirmed.extend(tracks.iter().map(|track| track.id));
     }
 
-    /// Scores one instant.
-    pub(super) fn epoch(&mut self, time_s: f64, truth: &[(u32, Place)], tracks: &[TrackedTarget]) {
+    /// Scores one instant, with the places of its detections.
+    pub(super) fn epoch(
+        &mut self,
+        time_s: f64,
+        truth: &[(u32, Place)],
+        tracks: &[TrackedTarget],
+        detections: &[Place],
+    ) {
         self.seen(tracks);
         // True positions of which none is finite: there is nothing to measure by.
         if self.cutoff_m <= 0.0 {
@@ -196,6 +212,7 @@ impl Score {
         self.gospa_sum += gospa.distance_m();
         self.ospa_sum += ospa_m(&gospa, targets.len(), places.len(), cutoff);
         self.count += 1;
+        self.trajectories.take(truth, tracks, cutoff);
         self.false_epochs += tracks.len() - assignment.iter().flatten().count();
         for ((number, place), chosen) in truth.iter().zip(&assignment) {
             let tally = self.targets.entry(*number).or_insert_with(|| TargetTally {
@@ -203,6 +220,8 @@ impl Score {
                 ..TargetTally::default()
             });
             tally.epochs += 1;
+            let is_seen = detections.iter().any(|d| distance(*d, *place) < cutoff);
+            tally.seen += usize::from(is_seen);
             let Some(track) = chosen.map(|index| &tracks[index]) else {
                 tally.stretch = 0;
                 continue;
@@ -247,6 +266,10 @@ impl Score {
         (self.count > 0).then(|| self.gospa_sum / self.count as f64)
     }
 
+    pub(super) fn trajectory_distance(&self) -> Option<TrajectoryDistance> {
+        self.trajectories.distance(self.cutoff_m)
+    }
+
     pub(super) fn ospa_m(&self) -> Option<f64> {
         (self.count > 0).then(|| self.ospa_sum / self.count as f64)
     }
@@ -283,6 +306,7 @@ impl TargetTally {
             rmse_m: mean(self.errors.iter().map(|e| e * e).sum()).map(f64::sqrt),
             median_error_m: sorted.get(matched / 2).copied(),
             coverage,
+            seen: share(self.seen),
             lost: coverage < LOST_BELOW,
             switches: self.switches,
             inside_95: mean(self.inside as f64),
@@ -295,38 +319,32 @@ impl TargetTally {
 
 #[cfg(test)]
 mod tests {
-    use super::super::epoch::TargetAssociation;
     use super::*;
     use approx::assert_relative_eq;
-    use northing_core::tracking::coordinated_turn::TargetCovariance;
 
     fn track(id: u32, north: f64) -> TrackedTarget {
-        TrackedTarget {
-            id,
-            place: [north, 0.0],
-            velocity: [0.0, 0.0],
-            turn_rate: 0.0,
-            covariance: TargetCovariance::from_diagonal(&[4.0, 1.0, 4.0, 1.0, 0.01].into()),
-            existence: 1.0,
-            visibility: 1.0,
-            models: [1.0, 0.0, 0.0],
-            association: TargetAssociation::default(),
-        }
+        TrackedTarget::at(id, [north, 0.0])
     }
 
     #[test]
     fn a_target_that_is_covered_lost_and_taken_over() {
         let mut score = Score::new(Some(40.0), 0.0);
         let truth = [(7, [0.0, 0.0])];
-        score.epoch(10.0, &truth, &[track(9, 500.0)]);
-        score.epoch(12.0, &truth, &[track(1, 3.0), track(9, 500.0)]);
-        score.epoch(14.0, &truth, &[track(1, 4.0)]);
-        score.epoch(16.0, &truth, &[track(2, 25.0)]);
-        score.epoch(18.0, &truth, &[]);
+        score.epoch(10.0, &truth, &[track(9, 500.0)], &[]);
+        score.epoch(
+            12.0,
+            &truth,
+            &[track(1, 3.0), track(9, 500.0)],
+            &[[30.0, 0.0]],
+        );
+        score.epoch(14.0, &truth, &[track(1, 4.0)], &[]);
+        score.epoch(16.0, &truth, &[track(2, 25.0)], &[]);
+        score.epoch(18.0, &truth, &[], &[]);
         let target = &score.targets()[0];
         assert_eq!((target.target, target.epochs, target.matched), (7, 5, 3));
         assert_eq!((target.switches, target.lost), (1, true));
         assert_relative_eq!(target.coverage, 0.4);
+        assert_relative_eq!(target.seen, 0.2);
         assert_relative_eq!(target.continuity, 0.4);
         assert_eq!(target.found_after_s, Some(2.0));
         let anees = 0.5 * (9.0 / 4.0 + 16.0 / 4.0 + 625.0 / 4.0) / 3.0;
@@ -342,12 +360,16 @@ mod tests {
         // The mean of 40, of the root of (9 + 1600) / 2, of 4, of 25 and of 40.
         let ospa = (40.0 + f64::sqrt(1609.0 / 2.0) + 4.0 + 25.0 + 40.0) / 5.0;
         assert_relative_eq!(score.ospa_m().unwrap(), ospa, epsilon = 1e-9);
+        // Track 2 for one instant would cost a change: more than it gains.
+        let whole: f64 = [1600.0, 9.0 + 800.0, 16.0, 1600.0, 800.0].iter().sum();
+        let distance = score.trajectory_distance().unwrap();
+        assert_relative_eq!(distance.at_most_m, (whole / 5.0).sqrt(), epsilon = 1e-9);
     }
 
     #[test]
     fn true_positions_may_be_uncertain_too() {
         let mut score = Score::new(Some(40.0), f64::sqrt(5.0));
-        score.epoch(0.0, &[(1, [0.0, 0.0])], &[track(1, 6.0)]);
+        score.epoch(0.0, &[(1, [0.0, 0.0])], &[track(1, 6.0)], &[]);
         // 6^2 / (4 + 5)
         let target = &score.targets()[0];
         assert_relative_eq!(target.anees.unwrap(), 2.0, epsilon = 1e-12);
@@ -356,7 +378,7 @@ mod tests {
     #[test]
     fn true_positions_that_are_not_finite_give_no_score() {
         let mut score = Score::new(None, 0.0);
-        score.epoch(0.0, &[(1, [f64::NAN, 0.0])], &[track(1, 6.0)]);
+        score.epoch(0.0, &[(1, [f64::NAN, 0.0])], &[track(1, 6.0)], &[]);
         assert!(score.targets().is_empty() && score.confirmed.len() == 1);
         let lengths = [score.cutoff_m(), score.gospa_m(), score.ospa_m()];
         assert_eq!(lengths, [None; 3]);

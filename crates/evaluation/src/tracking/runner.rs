@@ -217,13 +217,20 @@ impl Runner {
         if epoch.truth.is_empty() {
             self.score.seen(&epoch.tracks);
         } else {
-            self.score.epoch(epoch.time_s, &epoch.truth, &epoch.tracks);
+            let TrackEpoch {
+                truth,
+                tracks,
+                detections,
+                ..
+            } = &epoch;
+            self.score.epoch(epoch.time_s, truth, tracks, detections);
         }
         watch(epoch);
     }
 
     fn summary(&self, recording: &TrackingRecording, started: Instant) -> TrackSummary {
         let last_ns = recording.events.last().map_or(0, |event| event.time_ns);
+        let over_time = self.score.trajectory_distance();
         TrackSummary {
             recording: recording.name.clone(),
             tracker: self.options.tracker.name(),
@@ -238,6 +245,8 @@ impl Runner {
             cutoff_m: self.score.cutoff_m(),
             gospa_m: self.score.gospa_m(),
             ospa_m: self.score.ospa_m(),
+            tgospa_m: over_time.map(|distance| distance.at_most_m),
+            tgospa_at_least_m: over_time.map(|distance| distance.at_least_m),
             counts: Counts::from(self.tracker.counts()),
             left_out: recording.issues,
             parameters: self.parameters.clone(),

@@ -40,9 +40,10 @@ const NAVIGATION: [&str; 10] = [
 ];
 
 /// Over all targets; `coverage` is the share of instants with a track near, `coverage_95` of those inside the stated 95 %.
-const TRACKING: [&str; 12] = [
+const TRACKING: [&str; 13] = [
     "gospa_m",
     "ospa_m",
+    "tgospa_m",
     "coverage",
     "coverage_95",
     "anees",
@@ -135,6 +136,7 @@ pub(super) fn tracking(summary: &TrackSummary) -> Vec<f64> {
     filled([
         summary.gospa_m,
         summary.ospa_m,
+        summary.tgospa_m,
         weighted(|t| t.epochs, &|t| Some(t.coverage)),
         matched(&|t| t.inside_95),
         matched(&|t| t.anees),

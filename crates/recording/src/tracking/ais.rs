@@ -1,7 +1,7 @@
 //! AIS reports and own-ship positions: tables of decoded reports, and NMEA 0183 sentences.
 //!
-//! A file of sentences may hold `!AIVDM` (other ships), `RMC`, `GGA` and `HDT` (own ship). The time
-//! of a sentence is that of its tag block (`\c:1452603731*hh\`), or else of the last `RMC`.
+//! A file of sentences may hold `!AIVDM` (other ships), `TTM` (a radar's targets, `ttm.rs`), `RMC`, `GGA` and `HDT` (own
+//! ship). The time of a sentence is that of its tag block (`\c:1452603731*hh\`), or else of the last `RMC`.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -13,14 +13,18 @@ use nmea::ParseResult;
 
 use super::manifest::{AisColumns, AisFile, TrackingManifest};
 use super::plane::LocalPlane;
-use super::sample::{AisReport, OwnShipPose, TrackingEvent, TrackingSample};
+use super::sample::{AisReport, Detection, OwnShipPose, Scan, TrackingEvent, TrackingSample};
 use super::tables::Table;
+use super::ttm::{self, RadarTarget};
 use super::{TrackingIssues, TrackingRecording};
 use crate::error::{RecordingError, Result};
 use crate::limits::LOG_LINE;
 use crate::options::KNOT;
 use crate::stamp;
 use crate::text::{open_file, read_line};
+
+/// Name of the sensor that `TTM` sentences are of.
+pub(super) const RADAR: &str = "ttm";
 
 /// Reads the file of AIS reports.
 pub(super) fn read(
@@ -133,9 +137,18 @@ fn read_sentences(
     let file = path.display().to_string();
     let mut input = BufReader::new(open_file(&path, &file)?);
     let mut log = Sentences::new(*plane);
+    if let Some(radar) = out.sensors.iter().position(|(name, _)| name == RADAR) {
+        log = log.with_radar(radar);
+    }
+    let takes_reports = out.sensors.iter().any(|(name, _)| name == "ais");
     let mut line = Vec::new();
     while read_line(&mut input, LOG_LINE, &mut line, &file)? {
-        if let Some(event) = log.take(line.trim_ascii(), &mut out.issues) {
+        let Some(event) = log.take(line.trim_ascii(), &mut out.issues) else {
+            continue;
+        };
+        if matches!(event.sample, TrackingSample::Ais(_)) && !takes_reports {
+            out.issues.scans_of_unknown_sensors += 1;
+        } else {
             out.add(event, &file)?;
         }
     }
@@ -149,6 +162,10 @@ pub struct Sentences {
     time_ns: Option<i64>,
     own: OwnShipPose,
     positioned: bool,
+    has_heading: bool,
+    /// Place of the radar among the sensors of the recording, and the number of its next target.
+    radar: Option<usize>,
+    next: i64,
 }
 
 impl Sentences {
@@ -160,7 +177,18 @@ impl Sentences {
             time_ns: None,
             own: OwnShipPose::default(),
             positioned: false,
+            has_heading: false,
+            radar: None,
+            // Below the numbers of any table of scans.
+            next: i64::MIN,
         }
+    }
+
+    /// The same with a radar, at this place among the sensors, whose targets (`TTM`) are detections.
+    #[must_use]
+    pub fn with_radar(mut self, sensor: usize) -> Self {
+        self.radar = Some(sensor);
+        self
     }
 
     /// The event of one line, if it makes one; lines that say nothing are counted in `issues`.
@@ -193,6 +221,9 @@ impl Sentences {
             return self.other_ship(sentence, issues);
         }
         let text = std::str::from_utf8(sentence).map_err(drop)?;
+        if let Some(target) = ttm::parse(text)? {
+            return self.radar_target(&target, issues);
+        }
         let (latitude, longitude) = match nmea::parse_str(text) {
             Ok(ParseResult::RMC(rmc)) => {
                 let stamp = rmc
@@ -208,6 +239,7 @@ impl Sentences {
             Ok(ParseResult::HDT(hdt)) => {
                 let heading = hdt.heading.filter(|h| h.is_finite()).ok_or(())?;
                 self.own.heading_rad = f64::from(heading).to_radians();
+                self.has_heading = true;
                 return Ok(self.positioned.then_some(TrackingSample::OwnShip(self.own)));
             }
             // A sentence of another kind is none of our business.
@@ -221,6 +253,41 @@ impl Sentences {
         (self.own.north_m, self.own.east_m) = self.plane.place(latitude, longitude);
         self.positioned = true;
         Ok(Some(TrackingSample::OwnShip(self.own)))
+    }
+
+    /// A target of the radar: a scan of its own, because a sentence tells of one. Where the own ship is, and for a bearing
+    /// from the bow its heading, is known before.
+    fn radar_target(
+        &mut self,
+        target: &RadarTarget,
+        issues: &mut TrackingIssues,
+    ) -> std::result::Result<Option<TrackingSample>, ()> {
+        let Some(sensor) = self.radar else {
+            issues.scans_of_unknown_sensors += 1;
+            return Ok(None);
+        };
+        if !self.positioned || (target.from_bow && !self.has_heading) {
+            return Err(());
+        }
+        let detection = if target.from_bow {
+            Detection::RangeBearing {
+                range_m: target.range_m,
+                bearing_rad: target.bearing_rad,
+            }
+        } else {
+            let (east, north) = target.bearing_rad.sin_cos();
+            Detection::Relative {
+                north_m: target.range_m * north,
+                east_m: target.range_m * east,
+            }
+        };
+        let id = self.next;
+        self.next += 1;
+        Ok(Some(TrackingSample::Scan(Scan {
+            id,
+            sensor,
+            detections: vec![detection],
+        })))
     }
 
     fn other_ship(
@@ -342,6 +409,43 @@ mod tests {
     }
 
     #[test]
+    fn targets_of_a_radar_are_detections_from_where_the_own_ship_is() {
+        let mut log = Sentences::new(PLANE).with_radar(3);
+        let mut issues = TrackingIssues::default();
+        let north = with_checksum("RATTM,01,2,90,T,,,,,,K,,T,,,");
+        let bow = with_checksum("RATTM,02,1,90,R,,,,,,N,,T,,,");
+        let rmc = with_checksum("GPRMC,130211.00,A,3748.0000,N,12224.0000,W,0.0,0.0,120116,,,A");
+        let mut take = |line: &str| log.take(line.as_bytes(), &mut issues);
+        let mut scan = |line: &str| match take(line)?.sample {
+            TrackingSample::Scan(scan) => Some(scan),
+            _ => None,
+        };
+        assert_eq!(scan(&north), None, "nothing is known of the own ship");
+        assert_eq!(scan(&rmc), None);
+        let seen = scan(&north).unwrap();
+        let [Detection::Relative { north_m, east_m }] = seen.detections[..] else {
+            panic!("{seen:?}")
+        };
+        assert_eq!((seen.sensor, east_m), (3, 2000.0));
+        assert!(north_m.abs() < 1e-9);
+        assert_eq!(scan(&bow), None, "no heading is known");
+        assert_eq!(scan(&with_checksum("HEHDT,90.0,T")), None);
+        let next = scan(&bow).unwrap();
+        assert!(matches!(
+            next.detections[..],
+            [Detection::RangeBearing {
+                range_m: 1852.0,
+                ..
+            }]
+        ));
+        assert_ne!(next.id, seen.id);
+        assert_eq!(issues.sentences_unusable, 2);
+        let mut alone = Sentences::new(PLANE);
+        assert_eq!(alone.take(north.as_bytes(), &mut issues), None);
+        assert_eq!(issues.scans_of_unknown_sensors, 1);
+    }
+
+    #[test]
     fn wrong_checksums_and_broken_blocks_are_counted() {
         let mut log = Sentences::new(PLANE);
         let mut issues = TrackingIssues::default();
@@ -365,10 +469,10 @@ mod tests {
                 bytes in prop::collection::vec(any::<u8>(), 0..120),
                 body in "[ -~]{0,80}", fields in prop::collection::vec("[0-9A-Za-z.:`@?<>-]{0,30}", 0..12),
             ) {
-                let mut log = Sentences::new(PLANE);
+                let mut log = Sentences::new(PLANE).with_radar(0);
                 let mut issues = TrackingIssues::default();
                 log.take(&bytes, &mut issues);
-                let talkers = ["AIVDM,", "GPRMC,", "GPGGA,", "HEHDT,", "GPGSV,", ""];
+                let talkers = ["AIVDM,", "GPRMC,", "GPGGA,", "HEHDT,", "GPGSV,", "RATTM,", ""];
                 for talker in talkers {
                     for content in [body.clone(), fields.join(",")] {
                         let sentence = with_checksum(&format!("{talker}{content}"));

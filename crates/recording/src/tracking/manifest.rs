@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::ais::RADAR;
 use super::plane::LocalPlane;
 use crate::error::{RecordingError, Result};
 use crate::text::toml_problem;
@@ -27,7 +28,7 @@ pub struct TrackingManifest {
     pub truth: Option<TruthTable>,
     /// AIS reports.
     pub ais: Option<AisFile>,
-    /// What each sensor is like, by its name in the table of scans (`ais` for AIS reports).
+    /// What each sensor is like, by its name in the table of scans (`ais` for AIS reports, `ttm` for a radar's targets in the same log).
     #[serde(default)]
     pub sensors: BTreeMap<String, SensorSettings>,
 }
@@ -93,7 +94,7 @@ pub struct TruthTable {
     pub std_m: f64,
 }
 
-/// AIS reports: NMEA sentences, or a table of decoded reports.
+/// AIS reports: NMEA sentences, a radar's targets (`TTM`) among them, or a table of decoded reports.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AisFile {
@@ -197,18 +198,30 @@ fn check(manifest: &TrackingManifest) -> std::result::Result<(), String> {
         return Err("[detections] and [truth] refer to scans; add the table [scans]".to_owned());
     }
     let unnamed = manifest.scans.as_ref().is_some_and(|s| s.sensor.is_none());
-    let scanning = manifest.sensors.keys().filter(|name| *name != "ais");
+    let of_log = |name: &str| name == "ais" || (name == RADAR && manifest.ais.is_some());
+    let scanning = manifest.sensors.keys().filter(|name| !of_log(name));
     if unnamed && scanning.count() != 1 {
         return Err(
             "[scans] names no `sensor` column, so there must be one [sensors.NAME] table"
                 .to_owned(),
         );
     }
-    if manifest.ais.is_some() && !manifest.sensors.contains_key("ais") {
-        return Err(
-            "[ais] needs [sensors.ais]: extent_std_m, detection_probability, clutter_per_km2"
-                .to_owned(),
-        );
+    if let Some(ais) = &manifest.ais {
+        let radar = manifest.sensors.get(RADAR);
+        let radar = radar.filter(|_| ais.columns.is_none());
+        if !manifest.sensors.contains_key("ais") && radar.is_none() {
+            return Err(
+                "[ais] needs [sensors.ais], or [sensors.ttm] for a radar's targets: extent_std_m, detection_probability, \
+                 clutter_per_km2"
+                    .to_owned(),
+            );
+        }
+        if radar.is_some_and(|radar| radar.covers_all) {
+            return Err(
+                "[sensors.ttm] needs `covers_all = false`: a sentence tells of one target"
+                    .to_owned(),
+            );
+        }
     }
     if manifest.ais.is_some() && !manifest.plane.is_some_and(|plane| plane.is_valid()) {
         return Err("[ais] needs [plane] with latitude_deg and longitude_deg on Earth".to_owned());

@@ -12,6 +12,7 @@
 //! | `tables.rs` | scans, detections and truth from delimited text |
 //! | `table_writer.rs` | a recording as such a manifest with its tables |
 //! | `ais.rs` | AIS reports and own-ship positions from tables and NMEA sentences |
+//! | `ttm.rs` | a radar's targets as NMEA sentences |
 //! | `plane.rs` | latitude and longitude to the local plane |
 
 mod ais;
@@ -21,6 +22,7 @@ mod plane;
 pub mod sample;
 mod table_writer;
 mod tables;
+mod ttm;
 
 use std::path::Path;
 

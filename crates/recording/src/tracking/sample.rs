@@ -123,12 +123,13 @@ pub struct TargetTruth {
 pub struct TrackingIssues {
     /// Detections and truths whose scan is not in the table of scans.
     pub rows_without_scan: u64,
-    /// Scans whose sensor the manifest does not describe.
+    /// Scans, reports and targets whose sensor the manifest does not describe.
     pub scans_of_unknown_sensors: u64,
     /// Scans and reports that stood after a later one in their file; they were sorted.
     pub out_of_time_order: u64,
     /// AIS reports without a position.
     pub reports_without_position: u64,
-    /// NMEA lines that are no sentence, have a wrong checksum, or come before any time stamp.
+    /// NMEA lines that are no sentence, have a wrong checksum, come before any time stamp, or are a radar's target before the
+    /// own ship's place (and for a bearing from the bow its heading) is known.
     pub sentences_unusable: u64,
 }

@@ -127,6 +127,9 @@ fn facts(summary: &TrackSummary) -> Vec<Fact> {
         let name = format!("mean GOSPA, cut-off {}", metres(cutoff));
         facts.push(Fact::new(name, metres(gospa)));
     }
+    if let Some(tgospa) = summary.tgospa_m {
+        facts.push(Fact::new("T-GOSPA, changes of track in it", metres(tgospa)));
+    }
     facts
 }
 
@@ -251,7 +254,7 @@ fn omissions(issues: &TrackingIssues) -> Vec<String> {
         ),
         (
             issues.scans_of_unknown_sensors,
-            "scans of sensors that the manifest does not describe",
+            "scans, reports or targets of sensors that the manifest does not describe",
         ),
         (
             issues.out_of_time_order,
@@ -263,7 +266,7 @@ fn omissions(issues: &TrackingIssues) -> Vec<String> {
         ),
         (
             issues.sentences_unusable,
-            "NMEA lines that are no sentence, fail their checksum, or have no time",
+            "NMEA lines that are no sentence, fail their checksum, have no time, or are seen from a place that is not known",
         ),
     ])
 }
