@@ -37,14 +37,17 @@ class Study:
         self.recordings = [(where[mine], value[mine]) for one in np.unique(source) if np.isfinite(value[mine := source == one]).all()]
         self.left_out = len(np.unique(source)) - len(self.recordings)
 
-    def fits(self) -> np.ndarray:
-        """For each recording and parameter the slope and the bend of the logarithm of the score."""
-        found = []
+    def fits(self) -> tuple[np.ndarray, float]:
+        """For each recording and parameter the slope and the bend of the logarithm of the score; the share of its variance that
+        they explain, the median over the recordings."""
+        found, explained = [], []
         for where, value in self.recordings:
             design = np.hstack([np.ones((len(where), 1)), where, where**2 - 1 / 3])
-            fitted, *_ = np.linalg.lstsq(design, np.log(value), rcond=None)
+            logarithm = np.log(value)
+            fitted, *_ = np.linalg.lstsq(design, logarithm, rcond=None)
             found.append(fitted[1:].reshape(2, -1).T)
-        return np.array(found)
+            explained.append(1 - np.var(logarithm - design @ fitted) / np.var(logarithm))
+        return np.array(found), float(np.median(explained))
 
 
 def variances(fits: np.ndarray) -> np.ndarray:
@@ -74,7 +77,7 @@ def main() -> None:
     parser.add_argument("--figure", type=Path)
     args = parser.parse_args()
     study = Study(args.table, args.study, args.score)
-    fits = study.fits()
+    fits, explained = study.fits()
     random = np.random.default_rng(1)
     drawn = fits[random.integers(len(fits), size=(DRAWS, len(fits)))].mean(axis=1)
     shares = variances(fits)
@@ -83,7 +86,8 @@ def main() -> None:
     mean = fits.mean(axis=0)
 
     left_out = f", {study.left_out} left out without a score" if study.left_out else ""
-    print(f"`{args.score}` over {len(fits)} recordings{left_out}; change in percent against the middle of the span\n")
+    print(f"`{args.score}` over {len(fits)} recordings{left_out}; change in percent against the middle of the span. The")
+    print(f"parabolas explain {100 * explained:.0f} % of the variance (median of the recordings).\n")
     print("| parameter | span | share of the variance | at its lower end | at its upper end | recordings better by 1 % at an end |")
     print("|---|---|---|---|---|---|")
     for p in order:
@@ -118,6 +122,9 @@ def draw(study: Study, order: list[int], mean: np.ndarray, drawn: np.ndarray, ar
         axis.axvline(np.exp((low + high) / 2), color="#888", linewidth=0.8, linestyle=":")
         axis.axhline(0, color="#888", linewidth=0.8)
         axis.set_xscale("log")
+        ticks = np.exp([low, (low + high) / 2, high])
+        axis.set_xticks(ticks, [f"{tick:.3g}" for tick in ticks])
+        axis.minorticks_off()
         axis.set_title(study.names[p].removeprefix("bounded_"), fontsize=9)
     for axis in axes.flat[len(order) :]:
         axis.remove()

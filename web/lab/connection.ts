@@ -46,6 +46,7 @@ export function connect(): void {
     };
     socket.onclose = () => {
       lost();
+      update((s) => s.closed++);
       window.setTimeout(open, pause);
       void joinAgain();
       pause = Math.min(LONGEST_PAUSE_MS, pause * 2);

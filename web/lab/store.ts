@@ -59,6 +59,8 @@ export interface State {
   error: string | null;
   /** The request that the last error answered. */
   failed: unknown;
+  /** How often the connection has ended: what was asked before is not answered any more. */
+  closed: number;
 }
 
 export const state: State = {
@@ -97,6 +99,7 @@ export const state: State = {
   estimators: {},
   error: null,
   failed: null,
+  closed: 0,
 };
 
 const SENSOR_KEYS = { "sensor.gyroscope": 1, "sensor.accelerometer": 1, "sensor.magnetometer": 1, "sensor.compass-heading": 1 };

@@ -10,8 +10,9 @@ import type { Trial } from "./alterations";
 
 /** Apart from the numbers of what-if, so that no answer is taken for the other's. */
 let request = 1_000_000;
-/** What was asked last and is not answered. */
+/** What was asked last and is not answered, and over which connection: one that has ended brings no answer. */
 let underWay: number | null = null;
+let askedOver = 0;
 
 /** Another question ends a fit. */
 export function endFit(): void {
@@ -24,14 +25,15 @@ export function FitButton({ row, settings, trial, tuned, take }: { row: Experime
   const message = state.tuned?.id === row.id ? state.tuned : null;
   const isMine = message !== null && message.request === underWay;
   useEffect(() => {
-    if (state.failed !== null && state.failed === underWay) endFit();
+    if ((state.failed !== null && state.failed === underWay) || state.closed !== askedOver) endFit();
     if (!isMine || !message.fit) return;
     endFit();
     const found = message.fit.parameters.filter((p) => !p.ran_off);
     take({ ...settings, ...Object.fromEntries(found.map((p) => [p.name, p.after])) });
-  }, [message, state.failed]);
+  }, [message, state.failed, state.closed]);
   const begin = (): void => {
     underWay = ++request;
+    askedOver = state.closed;
     send({ type: "tune", request: underWay, id: row.id, settings, ...trial, parameters: tunable(tuned).filter((name) => Number(settings[name]) > 0) });
     again((n) => n + 1);
   };

@@ -7,6 +7,7 @@
 
 mod index;
 mod language;
+mod readme_numbers;
 
 use std::fs;
 use std::path::{Path, PathBuf};
