@@ -85,8 +85,9 @@ mod tests {
             assert!(seen.from_bow);
             seen.range_m
         };
-        let ranges = ["", "K", "S"].map(range);
-        assert_eq!(ranges, [3704.0, 2000.0, 3218.688]);
+        for (unit, range_m) in [("", 3704.0), ("K", 2000.0), ("S", 3218.688)] {
+            assert!((range(unit) - range_m).abs() < 1e-9, "{unit}");
+        }
     }
 
     #[test]
