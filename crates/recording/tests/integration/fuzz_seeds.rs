@@ -298,6 +298,14 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
         ),
         ("nmea", "fixes.log", NMEA.into(), Some(Format::Nmea)),
         ("tracking_sentences", "own_ship.log", NMEA.into(), None),
+        (
+            "tracking_sentences",
+            "radar.log",
+            [NMEA, "$RATTM,01,0.2,190.8,T,12.1,109.7,T,,,N,T1,T,,,A\n"]
+                .concat()
+                .into(),
+            None,
+        ),
         ("ubx", "solution.ubx", ubx(), Some(Format::Ubx)),
         ("ulog", "rates.ulg", ulog(), Some(Format::Ulog)),
         (
