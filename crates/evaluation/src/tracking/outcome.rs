@@ -80,7 +80,8 @@ pub struct TrackSummary {
     /// Mean OSPA, p = 2, with that cut-off.
     pub ospa_m: Option<f64>,
     /// T-GOSPA, p = 2, alpha = 2, with that cut-off, which is also what a change of track costs: the root of the mean square over the
-    /// instants with true positions, of the best assignment that was found.
+    /// instants with true positions, of the best assignment that was found. `None`, too, where instants times tracks
+    /// are more than twenty million.
     pub tgospa_m: Option<f64>,
     /// No assignment is nearer; equal to `tgospa_m` where that is known to be the best.
     pub tgospa_at_least_m: Option<f64>,

@@ -21,7 +21,9 @@ const HALF_SWITCH: f64 = 0.5;
 const EQUAL: f64 = 1e-6;
 /// Rounds of prices: so many at most, and no more steps of paths than this.
 const MOST_ROUNDS: usize = 200;
-const MOST_STEPS: usize = 200_000_000;
+const MOST_STEPS: usize = 50_000_000;
+/// Instants times tracks: with more the distance is not calculated, for want of memory.
+const MOST_CELLS: usize = 20_000_000;
 
 /// The distance between two sets of trajectories, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,9 +62,9 @@ impl Trajectories {
         self.present += truth.len() + tracks.len();
     }
 
-    /// The distance, `None` before the first instant.
+    /// The distance, `None` before the first instant, and where instants times tracks are too many.
     pub(super) fn distance(&self, cutoff_m: f64) -> Option<TrajectoryDistance> {
-        let [least, most] = Problem::new(self).gain();
+        let [least, most] = Problem::new(self)?.gain();
         let of = |gain: f64| {
             let alone = 0.5 * self.present as f64;
             cutoff_m * ((alone - gain).max(0.0) / f64::from(self.instants)).sqrt()
@@ -105,7 +107,8 @@ struct Path {
 }
 
 impl Problem {
-    fn new(seen: &Trajectories) -> Self {
+    /// `None` where it has too many cells.
+    fn new(seen: &Trajectories) -> Option<Self> {
         let pairs = || seen.gains.values().flatten();
         let numbered = |mut all: Vec<u32>| -> BTreeMap<u32, usize> {
             all.sort_unstable();
@@ -114,6 +117,9 @@ impl Problem {
         };
         let when = numbered(pairs().flat_map(|(_, at)| at).map(|(at, _)| *at).collect());
         let tracks = numbered(pairs().map(|(track, _)| *track).collect());
+        if when.len().saturating_mul(tracks.len()) > MOST_CELLS {
+            return None;
+        }
         let target = |near: &BTreeMap<u32, Vec<(u32, f64)>>| {
             let mut gains = vec![0.0; when.len() * near.len()];
             for (column, gained) in near.values().enumerate() {
@@ -126,11 +132,11 @@ impl Problem {
                 gains,
             }
         };
-        Self {
+        Some(Self {
             instants: when.len(),
             tracks: tracks.len(),
             targets: seen.gains.values().map(target).collect(),
-        }
+        })
     }
 
     /// What the best assignment gains, at least and at most, in squared cut-offs.
@@ -320,6 +326,20 @@ mod tests {
         let swap: [&[f64]; 2] = [&[0.0, 6.0, 0.0, 0.0], &[6.0, 0.0, 6.0, 6.0]];
         let far = distance_m(&[&[0.0; 4], &[6.0; 4]], &swap, 10.0);
         assert_relative_eq!(far, (72.0_f64 / 4.0).sqrt(), epsilon = 1e-9);
+    }
+
+    #[test]
+    fn what_would_need_too_much_memory_is_not_calculated() {
+        let mut seen = Trajectories::default();
+        // Each track is near for one instant.
+        for id in 0..5000 {
+            seen.take(
+                &[(0, [0.0, 0.0])],
+                &[TrackedTarget::at(id, [1.0, 0.0])],
+                10.0,
+            );
+        }
+        assert_eq!(seen.distance(10.0), None);
     }
 
     #[test]
