@@ -339,7 +339,7 @@ fn scores(summary: &TrackSummary, cutoff_m: f64) -> String {
         (found, _) => mean(found),
     };
     format!(
-        "  cut-off {}, covered within {}; mean GOSPA {}, OSPA {}; T-GOSPA {over_time}; on no target {} tracks an hour\n",
+        "  cut-off {}, seen by a detection within it, covered by a track within {}; mean GOSPA {}, OSPA {}; T-GOSPA {over_time}; on no target {} tracks an hour\n",
         metres(cutoff_m),
         metres(COVERED * cutoff_m),
         mean(summary.gospa_m),
