@@ -5,7 +5,9 @@ import {
   BufferGeometry, Float32BufferAttribute, Mesh, MeshBasicMaterial, MeshStandardMaterial, type Object3D, PerspectiveCamera, PlaneGeometry, Scene, Sprite, SpriteMaterial, SRGBColorSpace, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { onLanguage } from "../words/language";
 import type { Quaternion } from "./protocol";
+import { t } from "./t";
 import { colour, onTheme, roleOf } from "./theme";
 
 const SIZE: [number, number, number] = [0.86, 1.7, 0.1];
@@ -94,7 +96,7 @@ function bodyAxes(): Group {
 
 const ROSE = 1.62;
 /** Places on the rose by their angle clockwise from north, degrees. */
-const POINTS: [number, string][] = [[0, "N"], [90, "E"], [180, "S"], [270, "W"]];
+const points = (): [number, string][] => [[0, t("rose.north")], [90, t("rose.east")], [180, t("rose.south")], [270, t("rose.west")]];
 
 function circle(radius: number, z: number, role: string, opacity = 1): LineSegments {
   const points: number[] = [];
@@ -116,7 +118,7 @@ function ground(): Group {
     (deg % 30 ? fine : ticks).push(s * ROSE, c * ROSE, 0, s * ROSE * inner, c * ROSE * inner, 0);
     if (deg % 30 === 0 && deg % 90) group.add(painted(String(deg), "muted", 0.3, (deg * Math.PI) / 180, ROSE * 1.1));
   }
-  for (const [deg, text] of POINTS) group.add(painted(text, deg ? "muted" : "ink", 0.44, (deg * Math.PI) / 180, ROSE * 1.13));
+  for (const [deg, text] of points()) group.add(painted(text, deg ? "muted" : "ink", 0.44, (deg * Math.PI) / 180, ROSE * 1.13));
   group.add(lines(ticks, "muted"), lines(fine, "grid"));
   // The needle: a north half that is told from the south one.
   group.add(lines([0, 0, 0, 0, ROSE * 0.9, 0, 0, ROSE * 0.9, 0, -0.09, ROSE * 0.78, 0, 0, ROSE * 0.9, 0, 0.09, ROSE * 0.78, 0], "ink"), lines([0, 0, 0, 0, -ROSE * 0.9, 0], "grid"));
@@ -237,7 +239,8 @@ export class View<W extends Drawn = World> {
   private readonly renderer: WebGLRenderer;
   private controls: OrbitControls | null = null;
   private asked = 0;
-  private stopTheme: () => void;
+  /** Ends listening for other colours and another language. */
+  private stop: () => void;
   private watch: ResizeObserver;
 
   /** Without a world the canvas has cells with worlds of their own, which their owner disposes of. */
@@ -252,11 +255,13 @@ export class View<W extends Drawn = World> {
       this.controls.maxDistance = 14;
       this.controls.addEventListener("change", () => this.ask());
     }
-    this.stopTheme = onTheme(() => {
+    const again = (): void => {
       this.world?.build();
       for (const cell of this.cells?.() ?? []) cell.world.build();
       this.ask();
-    });
+    };
+    const stops = [onTheme(again), onLanguage(again)];
+    this.stop = () => stops.forEach((stop) => stop());
     this.watch = new ResizeObserver(() => this.ask());
     this.watch.observe(canvas);
   }
@@ -293,7 +298,7 @@ export class View<W extends Drawn = World> {
 
   close(): void {
     cancelAnimationFrame(this.asked);
-    this.stopTheme();
+    this.stop();
     this.watch.disconnect();
     this.controls?.dispose();
     this.world?.dispose();
