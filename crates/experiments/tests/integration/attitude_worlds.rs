@@ -1,6 +1,7 @@
 //! Attitude on random worlds end to end: one result for a seed, worlds free of their company, sound scores, perfect sensors.
 
 use northing_evaluation::EstimatorKind;
+use northing_evaluation::attitude::{Profile, RunOptions};
 use northing_experiments::attitude_worlds::{Cause, Sensing, WorldRun, Worlds, baseline};
 use northing_recording::Sample;
 use northing_simulation::attitude_world::{AttitudeWorld, HeadingSource, WorldFault, WorldMotion};
@@ -178,4 +179,16 @@ fn a_fault_that_costs_nothing_need_not_be_named() {
         }
     }
     assert!(felt[0] > 0 && felt[1] > 0, "{felt:?}");
+}
+
+/// Slow turns and noise: offsets of stretches scatter, and once a rate or a jump of the clock was seen in them.
+#[test]
+fn a_true_reference_is_not_refused_for_its_clock() {
+    for number in [919, 1438, 2950] {
+        let events = AttitudeWorld::draw(1, number).events;
+        let events = events.into_iter().map(Ok::<_, std::io::Error>);
+        let options = RunOptions::new(EstimatorKind::Mekf, Profile::default());
+        let summary = northing_evaluation::run(events, &options, &mut ()).unwrap();
+        assert!(summary.error_deg.is_some(), "world {number}");
+    }
 }

@@ -33,6 +33,10 @@ const FEWEST_STRETCHES: usize = 3;
 /// Fewest stretches on each side of a jump: the rates of one stretch of another motion may correlate somewhere by chance.
 const FEWEST_A_SIDE: usize = 2;
 
+/// Another rate, or a jump, must make the rates of the whole recording more likely by this: half the square of seven standard
+/// deviations, because of many rates and jumps the best is tried. In slow turns and noise offsets of stretches scatter, and no rate follows.
+const BORNE_OUT: f64 = 24.5;
+
 /// What the rates say about the reference's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Clock {
@@ -85,8 +89,9 @@ pub(super) fn compare(series: &Series<'_>) -> Clock {
     };
     let is_clear = 2 * clear.len() > stretches.len();
     if let Some(common) = common.filter(|_| is_clear) {
-        if let Some(changing) = changing(&clear) {
-            return changing;
+        let changing = changing(&clear);
+        if let Some(changing) = changing.filter(|found| found.is_borne_out(series, common)) {
+            return changing.clock();
         }
         if agree(&|_| common, &clear) {
             return Clock::Offset(common);
@@ -101,8 +106,47 @@ pub(super) fn compare(series: &Series<'_>) -> Clock {
     }
 }
 
+/// An offset that is not one.
+#[derive(Debug, Clone, Copy)]
+enum Changing {
+    Line { start: f64, rate: f64, span_s: f64 },
+    Step { levels: [f64; 2], at_s: f64 },
+}
+
+impl Changing {
+    fn offset_s(&self, t: f64) -> f64 {
+        match *self {
+            Self::Line { start, rate, .. } => start + rate * t,
+            Self::Step { levels, at_s } => levels[usize::from(t > at_s)],
+        }
+    }
+
+    fn clock(&self) -> Clock {
+        match *self {
+            Self::Line { rate, span_s, .. } => Clock::Rate { rate, span_s },
+            Self::Step { levels, at_s } => Clock::Jump {
+                by_s: levels[1] - levels[0],
+                at_s,
+            },
+        }
+    }
+
+    /// Whether the rates are more likely than with one offset, by more than chance.
+    fn is_borne_out(&self, series: &Series<'_>, common_s: f64) -> bool {
+        let unexplained = |offset_s: &dyn Fn(f64) -> f64| {
+            let r = correlation(series, series.windows, offset_s).unwrap_or(0.0);
+            (1.0 - r * r.max(0.0)).max(1e-12)
+        };
+        let [one, changing] = [
+            unexplained(&|_| common_s),
+            unexplained(&|t| self.offset_s(t)),
+        ];
+        0.5 * series.windows.len() as f64 * (one / changing).ln() > BORNE_OUT
+    }
+}
+
 /// Another rate, or a jump, where the offsets of the stretches show it.
-fn changing(clear: &[Stretch]) -> Option<Clock> {
+fn changing(clear: &[Stretch]) -> Option<Changing> {
     let (first, last) = (clear.first()?, clear.last()?);
     let span_s = last.middle_s - first.middle_s;
     if clear.len() < FEWEST_STRETCHES || span_s <= 0.0 {
@@ -132,9 +176,13 @@ fn changing(clear: &[Stretch]) -> Option<Clock> {
         let step = |t: f64| levels[usize::from(t > at_s)];
         let jumps = by_s.abs() > LEAST_CHANGE_S && fits(&step);
         let is_better = !runs || misfit(&step) < misfit(&line);
-        (jumps && is_better).then_some(Clock::Jump { by_s, at_s })
+        (jumps && is_better).then_some(Changing::Step { levels, at_s })
     });
-    found.or(runs.then_some(Clock::Rate { rate, span_s }))
+    found.or(runs.then_some(Changing::Line {
+        start,
+        rate,
+        span_s,
+    }))
 }
 
 /// Where two levels fit the offsets best, and the levels.
@@ -220,7 +268,7 @@ fn best(
     prefer_s: Option<f64>,
 ) -> Option<Stretch> {
     let reach = (LARGEST_OFFSET_S / COARSE_S) as i64;
-    let at = |offset_s: f64| correlation(series, windows, offset_s);
+    let at = |offset_s: f64| correlation(series, windows, &|_| offset_s);
     let highest = |a: &(f64, f64), b: &(f64, f64)| a.1.total_cmp(&b.1);
     let around = |middle_s: f64, step_s: f64, steps: i32| {
         let tried = (-steps..=steps).filter_map(|k| {
@@ -259,9 +307,14 @@ fn best(
     })
 }
 
-/// Correlation of the norms of the rates at an offset.
-fn correlation(series: &Series<'_>, windows: &[Window], offset_s: f64) -> Option<f64> {
+/// Correlation of the norms of the rates at an offset, which may change with time.
+fn correlation(
+    series: &Series<'_>,
+    windows: &[Window],
+    offset_s: &dyn Fn(f64) -> f64,
+) -> Option<f64> {
     let pairs = windows.iter().filter_map(|window| {
+        let offset_s = offset_s(window.middle_s());
         let rate = series.gyroscope(window.from_s + offset_s, window.to_s + offset_s)?;
         Some([rate.norm(), window.rate.norm()])
     });
