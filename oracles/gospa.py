@@ -8,15 +8,13 @@ DIR is the folder of the recordings. `gospa_m` of `northing track --json` is the
 
 from __future__ import annotations
 
-import argparse
 from datetime import datetime
-from pathlib import Path
 
 import numpy as np
 from stonesoup.metricgenerator.ospametric import GOSPAMetric
 from stonesoup.types.state import State
 
-from tracks_and_truth import Place, scored
+from tracks_and_truth import Place, arguments, scored
 
 #: Stone Soup wants a time; that of all states is one.
 NOW = datetime(2000, 1, 1)
@@ -27,12 +25,7 @@ def states(places: dict[str, Place]) -> list[State]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("manifest", type=Path)
-    parser.add_argument("tracks", type=Path)
-    parser.add_argument("--cutoff", type=float, default=40.0, help="m; default %(default)s, as the program's")
-    args = parser.parse_args()
+    args = arguments(__doc__)
     metric = GOSPAMetric(c=args.cutoff, p=2, switching_penalty=0.0)
     distances = []
     for true, tracks in scored(args.folder, args.manifest, args.tracks):

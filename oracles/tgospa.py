@@ -9,14 +9,12 @@ DIR is the folder of the recordings; p = 2, alpha = 2, gamma is the cut-off, div
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import coo_array
 
-from tracks_and_truth import scored
+from tracks_and_truth import arguments, scored
 
 
 def distance(scans: list[tuple[dict, dict]], cutoff: float) -> float:
@@ -56,12 +54,7 @@ def distance(scans: list[tuple[dict, dict]], cutoff: float) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("manifest", type=Path)
-    parser.add_argument("tracks", type=Path)
-    parser.add_argument("--cutoff", type=float, default=40.0, help="m; default %(default)s, as the program's")
-    args = parser.parse_args()
+    args = arguments(__doc__)
     scans = list(scored(args.folder, args.manifest, args.tracks))
     print(f"{len(scans)} scans, T-GOSPA {distance(scans, args.cutoff):.9f} m")
 

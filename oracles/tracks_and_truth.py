@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import tomllib
 from collections import defaultdict
@@ -10,6 +11,16 @@ from pathlib import Path
 
 #: North and east, m.
 Place = tuple[float, float]
+
+
+def arguments(description: str | None) -> argparse.Namespace:
+    """Folder of the recordings, manifest, tracks, and the cut-off."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("manifest", type=Path)
+    parser.add_argument("tracks", type=Path)
+    parser.add_argument("--cutoff", type=float, default=40.0, help="m; default %(default)s; that of the run")
+    return parser.parse_args()
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -212,7 +212,12 @@ fn not_yet(lab: &Arc<Lab>, own: &str, request: &Request) -> Option<String> {
         return Some(text.into());
     };
     let status = lock(&device.status);
-    if !request.needs_samples() || status.session.rates_hz.contains_key("gyroscope") {
+    if !request.needs_samples()
+        || status
+            .session
+            .rates_hz
+            .contains_key(SensorKind::Gyroscope.name())
+    {
         return None;
     }
     Some(nothing_received())

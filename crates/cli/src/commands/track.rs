@@ -331,13 +331,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
 /// The scores over all targets, and what they were measured with.
 fn scores(summary: &TrackSummary, cutoff_m: f64) -> String {
     let mean = |value: Option<f64>| value.map_or("-".to_owned(), metres);
-    // Where the best assignment is not known, what was found and the bound below it differ.
-    let over_time = match (summary.tgospa_m, summary.tgospa_at_least_m) {
-        (Some(found), Some(least)) if found > 1.001 * least => {
-            format!("{} to {}", metres(least), metres(found))
-        }
-        (found, _) => mean(found),
-    };
+    let over_time = followed_targets::tgospa(summary).unwrap_or("-".to_owned());
     format!(
         "  cut-off {}, seen by a detection within it, covered by a track within {}; mean GOSPA {}, OSPA {}; T-GOSPA {over_time}; on no target {} tracks an hour\n",
         metres(cutoff_m),

@@ -127,10 +127,20 @@ fn facts(summary: &TrackSummary) -> Vec<Fact> {
         let name = format!("mean GOSPA, cut-off {}", metres(cutoff));
         facts.push(Fact::new(name, metres(gospa)));
     }
-    if let Some(tgospa) = summary.tgospa_m {
-        facts.push(Fact::new("T-GOSPA, changes of track in it", metres(tgospa)));
+    if let Some(tgospa) = tgospa(summary) {
+        facts.push(Fact::new("T-GOSPA, changes of track in it", tgospa));
     }
     facts
+}
+
+/// T-GOSPA, or where the best assignment is not known the bound below it and what was found.
+#[must_use]
+pub fn tgospa(summary: &TrackSummary) -> Option<String> {
+    let found = summary.tgospa_m?;
+    Some(match summary.tgospa_at_least_m {
+        Some(least) if found > 1.001 * least => format!("{} to {}", metres(least), metres(found)),
+        _ => metres(found),
+    })
 }
 
 /// A length with three digits.
