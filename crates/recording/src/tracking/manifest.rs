@@ -198,7 +198,11 @@ fn check(manifest: &TrackingManifest) -> std::result::Result<(), String> {
         return Err("[detections] and [truth] refer to scans; add the table [scans]".to_owned());
     }
     let unnamed = manifest.scans.as_ref().is_some_and(|s| s.sensor.is_none());
-    let of_log = |name: &str| name == "ais" || (name == RADAR && manifest.ais.is_some());
+    let is_log = manifest
+        .ais
+        .as_ref()
+        .is_some_and(|ais| ais.columns.is_none());
+    let of_log = |name: &str| name == "ais" || (name == RADAR && is_log);
     let scanning = manifest.sensors.keys().filter(|name| !of_log(name));
     if unnamed && scanning.count() != 1 {
         return Err(
@@ -206,9 +210,8 @@ fn check(manifest: &TrackingManifest) -> std::result::Result<(), String> {
                 .to_owned(),
         );
     }
-    if let Some(ais) = &manifest.ais {
-        let radar = manifest.sensors.get(RADAR);
-        let radar = radar.filter(|_| ais.columns.is_none());
+    if manifest.ais.is_some() {
+        let radar = manifest.sensors.get(RADAR).filter(|_| is_log);
         if !manifest.sensors.contains_key("ais") && radar.is_none() {
             return Err(
                 "[ais] needs [sensors.ais], or [sensors.ttm] for a radar's targets: extent_std_m, detection_probability, \

@@ -5,7 +5,7 @@
 use nmea::SentenceType;
 
 /// Metres of a nautical mile, a kilometre and a statute mile.
-const NAUTICAL_MILE_M: f64 = 1852.0;
+pub(super) const NAUTICAL_MILE_M: f64 = 1852.0;
 const KILOMETRE_M: f64 = 1000.0;
 const STATUTE_MILE_M: f64 = 1609.344;
 
@@ -49,15 +49,14 @@ pub(super) fn parse(text: &str) -> Result<Option<RadarTarget>, ()> {
         _ => return Err(()),
     };
     let (range_m, bearing_rad) = (number(1)? * unit_m, number(2)?.to_radians());
-    let is_usable = range_m.is_finite() && range_m > 0.0 && bearing_rad.is_finite();
-    is_usable
-        .then_some(RadarTarget {
-            range_m,
-            bearing_rad,
-            from_bow,
-        })
-        .ok_or(())
-        .map(Some)
+    if !(range_m.is_finite() && range_m > 0.0 && bearing_rad.is_finite()) {
+        return Err(());
+    }
+    Ok(Some(RadarTarget {
+        range_m,
+        bearing_rad,
+        from_bow,
+    }))
 }
 
 #[cfg(test)]

@@ -10,13 +10,12 @@ use std::path::Path;
 use chrono::{DateTime, Utc};
 
 use super::super::LocalPlane;
+use super::super::ttm::NAUTICAL_MILE_M as MILE_M;
 use super::{TargetInstant, TargetOutput, TargetPoint};
 use crate::atomic_file::AtomicFile;
 use crate::error::Result;
 use crate::track::text::date;
 
-/// Metres of a nautical mile.
-const MILE_M: f64 = 1852.0;
 /// Knots of a metre per second.
 const KNOTS: f64 = 3600.0 / MILE_M;
 
