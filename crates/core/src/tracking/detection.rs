@@ -16,6 +16,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, SMatrix, Vector2};
 
 use super::FARTHEST;
 use super::coordinated_turn::{STATES, TargetCovariance, TargetState};
+use super::echo::EchoCovariance;
 use super::own_ship::OwnShip;
 use super::radar::MOST_BEARING_RAD;
 use crate::geometry::trigonometry::wrap;
@@ -92,6 +93,8 @@ pub struct SchmidtInnovation<T> {
     pub gain: SMatrix<T, STATES, 2>,
     /// `X' H_t' + P_o H_o'`: what the own ship would have learned; keeps `X` exact.
     pub pose_covariance: Matrix3x2<T>,
+    /// `E' H_t' + P_e H_e'`: the same of the place where the echo comes from; `None` where that is new in every scan.
+    pub echo_covariance: Option<Matrix2<T>>,
     /// Components measured.
     pub degrees_of_freedom: u8,
 }
@@ -156,6 +159,7 @@ impl<T: Scalar> Detection<T> {
 
 /// What a detection consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum DetectionKind {
     /// [`Detection::RangeBearing`].
     RangeBearing,
@@ -240,7 +244,8 @@ impl<T: Scalar> Prediction<T> {
         x: &CrossCovariance<T>,
         own: &OwnShip<T>,
     ) -> Option<SchmidtInnovation<T>> {
-        self.scale(p, x, own)?.innovation(self.residual)
+        let none = (&EchoCovariance::zeros(), T::zero());
+        self.scale(p, x, own, none)?.innovation(self.residual)
     }
 }
 

@@ -7,6 +7,7 @@ use nalgebra::{Matrix2, Matrix3x2, SMatrix, Vector2};
 use super::association::gate::AssociationGate;
 use super::coordinated_turn::{STATES, TargetCovariance};
 use super::detection::{CrossCovariance, Detection, DetectionKind, Prediction, SchmidtInnovation};
+use super::echo::{Echo, EchoCovariance};
 use super::imm::Mode;
 use super::multi_target::Scan;
 use super::own_ship::OwnShip;
@@ -26,12 +27,18 @@ impl<T: Scalar> ExpectedDetection<T> {
         kind: DetectionKind,
         mode: &Mode<T>,
         scan: &Scan<'_, T>,
+        echo: &Echo<T>,
     ) -> Result<Self, SkipReason> {
         let (expected, prediction) = kind
-            .predict(&mode.state, scan.own_ship, &scan.sensor.noise)
+            .predict(&mode.state, scan.own_ship, &echo.noise)
             .ok_or(SkipReason::Unobservable)?;
         let scale = prediction
-            .scale(&mode.covariance, &mode.cross, scan.own_ship)
+            .scale(
+                &mode.covariance,
+                &mode.cross,
+                scan.own_ship,
+                (&mode.echo, echo.lasting),
+            )
             .ok_or(SkipReason::Numerical)?;
         Ok(Self { expected, scale })
     }
@@ -66,18 +73,30 @@ impl<T: Scalar> ExpectedDetection<T> {
 }
 
 impl<T: Scalar> Prediction<T> {
-    /// What residuals are weighed with, which does not depend on them; `None` when their covariance is not positive.
+    /// What residuals are weighed with, which does not depend on them; `None` when their covariance is not positive. `echo` is the
+    /// covariance of the target's error with the echo's place that stays, and the variance of that (m^2; 0 where none does).
     pub(super) fn scale(
         &self,
         p: &TargetCovariance<T>,
         x: &CrossCovariance<T>,
         own: &OwnShip<T>,
+        (echo, lasting): (&EchoCovariance<T>, T),
     ) -> Option<ResidualScale<T>> {
         let (ht, ho) = (&self.target_jacobian, &self.pose_jacobian);
         // (D4)
-        let a = p * ht.transpose() + x * ho.transpose();
+        let mut a = p * ht.transpose() + x * ho.transpose();
         let o = x.transpose() * ht.transpose() + own.covariance * ho.transpose();
-        let s = ht * a + ho * o + self.noise;
+        let mut s = ht * a + ho * o + self.noise;
+        let mut echo_covariance = None;
+        if lasting > T::zero() {
+            // (N4): an echo's place moves a detection as the target's own does.
+            let he = Matrix2::from_columns(&[ht.column(0), ht.column(2)]);
+            let of_echo = echo * he.transpose();
+            let e = echo.transpose() * ht.transpose() + he.transpose() * lasting;
+            a += of_echo;
+            s += ht * of_echo + he * e;
+            echo_covariance = Some(e);
+        }
         let off = (s[(0, 1)] + s[(1, 0)]) * lit(0.5);
         let determinant = s[(0, 0)] * s[(1, 1)] - off * off;
         if !(s[(0, 0)] > T::zero() && determinant > T::zero() && determinant.is_finite()) {
@@ -95,6 +114,7 @@ impl<T: Scalar> Prediction<T> {
             volume: dimension * determinant.sqrt(),
             gain: a * inverse,
             pose_covariance: o,
+            echo_covariance,
             degrees_of_freedom: self.degrees_of_freedom,
         })
     }
@@ -110,6 +130,7 @@ pub(super) struct ResidualScale<T> {
     volume: T,
     gain: SMatrix<T, STATES, 2>,
     pose_covariance: Matrix3x2<T>,
+    echo_covariance: Option<Matrix2<T>>,
     degrees_of_freedom: u8,
 }
 
@@ -134,6 +155,7 @@ impl<T: Scalar> ResidualScale<T> {
             likelihood: self.likelihood(nis),
             gain: self.gain,
             pose_covariance: self.pose_covariance,
+            echo_covariance: self.echo_covariance,
             degrees_of_freedom: self.degrees_of_freedom,
         })
         .filter(|i| i.nis.is_finite() && i.likelihood.is_finite())

@@ -20,6 +20,7 @@ use nalgebra::Vector3;
 use super::FARTHEST;
 use super::coordinated_turn::{Motion, TargetCovariance, TargetState, TurnRate};
 use super::detection::CrossCovariance;
+use super::echo::EchoCovariance;
 use crate::kalman::covariance::{forget_correlations_unless_resolved, is_resolved, symmetrize};
 use crate::scalar::{Scalar, lit};
 
@@ -44,6 +45,12 @@ pub struct Mode<T> {
     /// Covariance of the state's error with the own ship's.
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub cross: CrossCovariance<T>,
+    /// Covariance of the state's error with where on the target its echo comes from, where that stays (`echo.rs`).
+    #[cfg_attr(
+        feature = "serde",
+        serde(default = "EchoCovariance::zeros", with = "crate::serialization::rows")
+    )]
+    pub echo: EchoCovariance<T>,
 }
 
 /// The models and how targets switch between them.
@@ -104,6 +111,7 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
         state: TargetState<T>,
         covariance: TargetCovariance<T>,
         cross: CrossCovariance<T>,
+        echo: EchoCovariance<T>,
     ) -> Self {
         let total = models.dwell_s.iter().fold(T::zero(), |a, b| a + *b);
         Self {
@@ -112,13 +120,14 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
                 state,
                 covariance,
                 cross,
+                echo,
             }),
         }
     }
 
     /// Lets `dt` seconds pass: mixes the models, then moves each. `kept` is the share of each own-ship
-    /// error that is still there ([`super::own_ship::PoseErrorCorrelation::factors`]).
-    pub fn predict(&mut self, models: &Models<T, M>, dt: T, kept: &Vector3<T>) {
+    /// error that is still there ([`super::own_ship::PoseErrorCorrelation::factors`]), `echo_kept` that of the echo's place.
+    pub fn predict(&mut self, models: &Models<T, M>, dt: T, kept: &Vector3<T>, echo_kept: T) {
         self.mix(models, dt);
         for (mode, motion) in self.modes.iter_mut().zip(&models.motions) {
             let (state, f) = motion.predict(&mode.state, &models.turn, dt);
@@ -126,6 +135,7 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
             mode.covariance = f * mode.covariance * f.transpose() + motion.noise(&models.turn, dt);
             symmetrize(&mut mode.covariance);
             mode.cross = f * mode.cross;
+            mode.echo = f * mode.echo * echo_kept;
             mode.hold();
             for (i, share) in kept.iter().enumerate() {
                 mode.cross.column_mut(i).scale_mut(*share);
@@ -162,7 +172,7 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
         self.modes.iter().all(|m| {
             m.probability.is_finite()
                 && m.state.iter().all(|v| v.abs() <= lit(FARTHEST))
-                && m.cross.iter().all(|v| v.is_finite())
+                && m.cross.iter().chain(&m.echo).all(|v| v.is_finite())
                 && is_resolved(&m.covariance)
                 && m.covariance.diagonal().iter().all(|v| *v > T::zero())
         })
@@ -177,6 +187,7 @@ impl<T: Scalar> Mode<T> {
             state: TargetState::zeros(),
             covariance: TargetCovariance::zeros(),
             cross: CrossCovariance::zeros(),
+            echo: EchoCovariance::zeros(),
         }
     }
 
@@ -185,6 +196,7 @@ impl<T: Scalar> Mode<T> {
         let unknown = TargetState::repeat(lit(FARTHEST * FARTHEST));
         if forget_correlations_unless_resolved(&mut self.covariance, &unknown) {
             self.cross.fill(T::zero());
+            self.echo.fill(T::zero());
         }
     }
 }
@@ -204,6 +216,7 @@ fn merge<T: Scalar, const M: usize>(modes: &[Mode<T>; M], weights: &[T; M]) -> O
         let share = *w / total;
         out.state += mode.state * share;
         out.cross += mode.cross * share;
+        out.echo += mode.echo * share;
     }
     for (mode, w) in modes.iter().zip(weights) {
         let d = mode.state - out.state;
@@ -251,8 +264,9 @@ mod tests {
             turn: TURN,
         };
         let (x, p, cross) = belief(0.0);
-        let mut imm = Imm::new(&models, x, p, cross);
-        imm.predict(&models, 1.5, &Vector3::new(0.9, 0.8, 0.7));
+        let echo = EchoCovariance::from_fn(|i, j| 0.02 * (i as f64) - 0.03 * (j as f64));
+        let mut imm = Imm::new(&models, x, p, cross, echo);
+        imm.predict(&models, 1.5, &Vector3::new(0.9, 0.8, 0.7), 0.6);
         let (next, f) = TURNING.predict(&x, &TURN, 1.5);
         let mode = imm.estimate();
         assert_relative_eq!(mode.probability, 1.0, epsilon = 1e-12);
@@ -261,6 +275,7 @@ mod tests {
         assert_relative_eq!(mode.covariance, expected, epsilon = 1e-12);
         let faded = nalgebra::Matrix3::from_diagonal(&Vector3::new(0.9, 0.8, 0.7));
         assert_relative_eq!(mode.cross, f * cross * faded, epsilon = 1e-12);
+        assert_relative_eq!(mode.echo, f * echo * 0.6, epsilon = 1e-12);
     }
 
     #[test]
@@ -272,23 +287,27 @@ mod tests {
         };
         let (xa, pa, ca) = belief(0.0);
         let (xb, pb, cb) = belief(1.0);
-        let mut imm = Imm::new(&models, xa, pa, ca);
+        let echo = EchoCovariance::from_fn(|i, j| 0.1 * (i as f64) - 0.05 * (j as f64));
+        let mut imm = Imm::new(&models, xa, pa, ca, echo);
         imm.modes[1] = Mode {
             probability: 0.25,
             state: xb,
             covariance: pb,
             cross: cb,
+            echo: echo * 3.0,
         };
         imm.modes[0].probability = 0.75;
         let before = imm.estimate();
         assert_relative_eq!(before.state, xa * 0.75 + xb * 0.25, epsilon = 1e-12);
         assert_relative_eq!(before.cross, ca * 0.75 + cb * 0.25, epsilon = 1e-12);
+        assert_relative_eq!(before.echo, echo * 1.5, epsilon = 1e-12);
         imm.mix(&models, 2.0);
         let after = imm.estimate();
         assert_relative_eq!(after.probability, 1.0, epsilon = 1e-12);
         assert_relative_eq!(after.state, before.state, epsilon = 1e-12);
         assert_relative_eq!(after.covariance, before.covariance, epsilon = 1e-12);
         assert_relative_eq!(after.cross, before.cross, epsilon = 1e-12);
+        assert_relative_eq!(after.echo, before.echo, epsilon = 1e-12);
         let stays = 0.75 * f64::exp(-2.0 / 30.0) + 0.25 * (1.0 - f64::exp(-2.0 / 10.0));
         assert_relative_eq!(imm.modes[0].probability, stays, epsilon = 1e-12);
     }
@@ -301,10 +320,10 @@ mod tests {
             turn: TURN,
         };
         let (x, p, cross) = belief(0.0);
-        let mut imm = Imm::new(&models, x, p, cross);
+        let mut imm = Imm::new(&models, x, p, cross, EchoCovariance::zeros());
         imm.modes[0].probability = 1.0;
         imm.modes[1].probability = 0.0;
-        imm.predict(&models, 1.0, &Vector3::repeat(1.0));
+        imm.predict(&models, 1.0, &Vector3::repeat(1.0), 0.0);
         assert!(imm.is_valid());
         assert_relative_eq!(imm.modes[1].probability, 0.0);
     }

@@ -42,6 +42,7 @@ pub mod constant_velocity;
 pub mod converted_measurement;
 pub mod coordinated_turn;
 pub mod detection;
+pub mod echo;
 mod expected_detection;
 pub mod imm;
 pub mod initiation;

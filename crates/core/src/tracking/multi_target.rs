@@ -33,6 +33,7 @@ use super::association::candidates::Association;
 use super::association::clusters::Clusters;
 use super::association::jipda::associate;
 use super::detection::Detection;
+use super::echo::{Echo, EchoMemory, Seen};
 use super::imm::Mode;
 use super::own_ship::OwnShip;
 use crate::parameters::ConfigError;
@@ -113,6 +114,8 @@ pub struct MultiTargetState<T, const M: usize, const N: usize> {
     pose: Option<(T, OwnShip<T>)>,
     next_id: u32,
     counts: TrackerCounts,
+    #[cfg_attr(feature = "serde", serde(default))]
+    echoes: EchoMemory<T>,
 }
 
 /// Time of a scan (s), and the covariance of the pose then.
@@ -148,6 +151,7 @@ impl<T: Scalar, const M: usize, const N: usize> MultiTargetState<T, M, N> {
             pose: self.pose,
             next_id: self.next_id,
             counts: self.counts,
+            echoes: self.echoes,
         })
     }
 }
@@ -173,6 +177,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
             finite("time of the last pose", [time_s])?;
             expect("pose", pose.is_valid(), "finite, with a covariance")?;
         }
+        finite("echoes", state.echoes.numbers())?;
         self.state = state;
         self.reach = N;
         self.shorten();
@@ -195,6 +200,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
                 pose: None,
                 next_id: 1,
                 counts: TrackerCounts::default(),
+                echoes: EchoMemory::default(),
             },
             reach: 0,
             weights: [Association::missed(T::one()); N],
@@ -227,6 +233,11 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         &self.state.counts
     }
 
+    /// How long echoes stay where they are on their targets, as learnt so far.
+    pub fn echoes(&self) -> &EchoMemory<T> {
+        &self.state.echoes
+    }
+
     /// Takes one scan.
     ///
     /// # Errors
@@ -240,14 +251,15 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         self.predict(scan, dt);
         let invalid = scan.detections.iter().filter(|d| !d.is_valid()).count();
         self.state.counts.detections_invalid += invalid as u64;
-        self.weigh(scan);
+        let echo = self.state.echoes.of(&scan.sensor.noise);
+        self.weigh(scan, &echo);
         let weights = &self.weights[..self.reach];
         let effort = associate(weights, &mut self.marginals, &mut self.clusters);
         self.state.counts.approximate_clusters += u64::from(effort.approximate_clusters);
-        self.update(scan);
+        self.update(scan, &echo);
         self.remove(scan.own_ship);
         if scan.sensor.initiates {
-            self.initiate(scan);
+            self.initiate(scan, &echo);
         }
         self.shorten();
         Ok(())
@@ -302,8 +314,10 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             let memory = &self.config.settings.pose_error_correlation;
             memory.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
+        let echo_kept = self.state.echoes.kept(dt);
         for track in self.state.tracks[..self.reach].iter_mut().flatten() {
-            track.imm.predict(&self.config.models, dt, &kept);
+            let models = &self.config.models;
+            track.imm.predict(models, dt, &kept, echo_kept);
             track.existence.predict(&self.config.settings.existence, dt);
             track.age_s += dt;
             track.silent_s += dt;
@@ -314,24 +328,36 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         });
     }
 
-    fn weigh(&mut self, scan: &Scan<'_, T>) {
+    fn weigh(&mut self, scan: &Scan<'_, T>, echo: &Echo<T>) {
         let tracks = self.state.tracks[..self.reach].iter();
         for (track, weight) in tracks.zip(&mut self.weights) {
             match track {
                 Some(track) => {
-                    *weight = update::weigh(track, scan, &self.config, &mut self.state.counts);
+                    let counts = &mut self.state.counts;
+                    *weight = update::weigh(track, (scan, echo), &self.config, counts);
                 }
                 None => weight.reset(T::one()),
             }
         }
     }
 
-    fn update(&mut self, scan: &Scan<'_, T>) {
+    fn update(&mut self, scan: &Scan<'_, T>, echo: &Echo<T>) {
+        let sensor = self.state.echoes.place(&scan.sensor.noise);
         let tracks = self.state.tracks[..self.reach].iter_mut();
         for (slot, marginal) in tracks.zip(&self.marginals) {
             let Some(track) = slot else { continue };
-            update::update(track, scan, marginal, &self.config);
+            let likeliest = update::update(track, (scan, echo), marginal, &self.config);
             track.confirm(&self.config);
+            let seen = likeliest.and_then(|likeliest| {
+                let is_own = track.status == TrackStatus::Confirmed;
+                let place = (sensor.filter(|_| is_own)?, track.range_m(scan.own_ship));
+                Seen::new(likeliest.surely()?, (scan, echo), place)
+            });
+            let before = track.seen;
+            track.seen = seen.or(before);
+            if let (Some(before), Some(now)) = (before, seen) {
+                self.state.echoes.learn(&before, &now);
+            }
         }
     }
 
@@ -387,7 +413,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     }
 
     /// A tentative track for every detection that no track is likely to have caused.
-    fn initiate(&mut self, scan: &Scan<'_, T>) {
+    fn initiate(&mut self, scan: &Scan<'_, T>, echo: &Echo<T>) {
         let mut edges = self.clusters.edges().iter().peekable();
         let mut starts = Starts::new(self.state.counts.scans);
         for (j, detection) in (0..).zip(scan.detections) {
@@ -405,8 +431,8 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             if taken > lit(0.5) {
                 continue;
             }
-            let Some(track) = track::initiate(detection, scan, &self.config, self.state.next_id)
-            else {
+            let id = self.state.next_id;
+            let Some(track) = track::initiate(detection, (scan, echo), &self.config, id) else {
                 continue;
             };
             match starts.room(&self.state.tracks, &self.config) {

@@ -11,6 +11,7 @@ use crate::kalman::covariance::symmetrize;
 use crate::scalar::Scalar;
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, SchmidtInnovation};
+use crate::tracking::echo::EchoCovariance;
 use crate::tracking::imm::Mode;
 
 /// Weights of one target without competitors: the probability of no detection, then of each. `ratios`
@@ -42,6 +43,8 @@ pub struct PdaUpdate<T> {
     shrink: TargetCovariance<T>,
     /// Sum of `beta K o'`.
     cross: CrossCovariance<T>,
+    /// The same of the echo's place.
+    echo: EchoCovariance<T>,
 }
 
 impl<T: Scalar> Default for PdaUpdate<T> {
@@ -51,6 +54,7 @@ impl<T: Scalar> Default for PdaUpdate<T> {
             spread: TargetCovariance::zeros(),
             shrink: TargetCovariance::zeros(),
             cross: CrossCovariance::zeros(),
+            echo: EchoCovariance::zeros(),
         }
     }
 }
@@ -64,6 +68,9 @@ impl<T: Scalar> PdaUpdate<T> {
         self.spread += step * step.transpose() * probability;
         self.shrink += k * innovation.covariance * k.transpose() * probability;
         self.cross += k * innovation.pose_covariance.transpose() * probability;
+        if let Some(echo) = &innovation.echo_covariance {
+            self.echo += k * echo.transpose() * probability;
+        }
     }
 
     /// Moves the belief (P2, P3, P4). `total` is what the probabilities of all detections and of none
@@ -78,6 +85,7 @@ impl<T: Scalar> PdaUpdate<T> {
         mode.covariance += (self.spread - self.shrink) * scale - shift * shift.transpose();
         symmetrize(&mut mode.covariance);
         mode.cross -= self.cross * scale;
+        mode.echo -= self.echo * scale;
         mode.hold();
     }
 }
@@ -118,6 +126,7 @@ mod tests {
             state: TargetState::from([60.0, 1.0, 80.0, 0.0, 0.0]),
             covariance: joint.fixed_view::<STATES, STATES>(0, 0).into_owned(),
             cross: joint.fixed_view::<STATES, 3>(0, 5).into_owned(),
+            echo: EchoCovariance::zeros(),
         }
     }
 

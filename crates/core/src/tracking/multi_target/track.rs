@@ -10,6 +10,7 @@ use crate::scalar::{Scalar, lit};
 use crate::tracking::association::ipda::Existence;
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, Detection};
+use crate::tracking::echo::{Echo, EchoCovariance, Seen};
 use crate::tracking::imm::{Imm, Mode};
 use crate::tracking::own_ship::OwnShip;
 
@@ -78,6 +79,9 @@ pub struct Track<T, const M: usize> {
     pub silent_s: T,
     /// The last update: the likeliest detection under the likeliest model, or why there was none.
     pub innovation: Innovation<T>,
+    /// The last detection that was surely its own.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) seen: Option<Seen<T>>,
 }
 
 impl<T: Scalar, const M: usize> Track<T, M> {
@@ -102,7 +106,19 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         not_negative("age of a track", [&self.age_s, &self.silent_s])?;
         let innovation = &self.innovation;
         let numbers = innovation.residual.iter().chain(&innovation.covariance);
+        let seen = self.seen.iter();
+        let seen = seen.flat_map(|seen| {
+            let vectors = [&seen.residual, &seen.spread, &seen.extent];
+            vectors.into_iter().flatten().chain([&seen.time_s])
+        });
+        finite("last detection of a track", seen)?;
         finite("innovation of a track", numbers.chain([&innovation.nis]))
+    }
+
+    /// Distance from the own ship, m.
+    pub(super) fn range_m(&self, own_ship: &OwnShip<T>) -> T {
+        let x = self.estimate().state;
+        Vector2::new(x[0] - own_ship.north_m, x[2] - own_ship.east_m).norm()
     }
 
     pub(super) fn confirm(&mut self, config: &MultiTargetConfig<T, M>) {
@@ -167,7 +183,7 @@ pub(super) fn is_same_target<T: Scalar>(a: &Mode<T>, b: &Mode<T>, merge_sigmas: 
 /// and for a detection that is not valid.
 pub(super) fn initiate<T: Scalar, const M: usize>(
     detection: &Detection<T>,
-    scan: &Scan<'_, T>,
+    (scan, echo): (&Scan<'_, T>, &Echo<T>),
     config: &MultiTargetConfig<T, M>,
     id: u32,
 ) -> Option<Track<T, M>> {
@@ -194,7 +210,11 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
     }
     let turn = config.models.turn.std_rad_s;
     p[(4, 4)] = turn * turn;
-    let mut imm = Imm::new(&config.models, state, p, cross);
+    // The target lies on the other side of its echo's place.
+    let mut of_echo = EchoCovariance::zeros();
+    of_echo[(0, 0)] = -echo.lasting;
+    of_echo[(2, 1)] = -echo.lasting;
+    let mut imm = Imm::new(&config.models, state, p, cross, of_echo);
     if let [_, .., fast] = &mut imm.modes[..] {
         // (I4): a sum of two densities has the long tail that speeds have.
         let tail = config.settings.birth_speed_tail;
@@ -213,6 +233,7 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
         age_s: T::zero(),
         silent_s: T::zero(),
         innovation: Innovation::skipped(SkipReason::NotInitialized),
+        seen: None,
     })
 }
 

@@ -9,22 +9,28 @@ use crate::tracking::association::candidates::Association;
 use crate::tracking::association::gate::AssociationGate;
 use crate::tracking::association::pda::PdaUpdate;
 use crate::tracking::detection::{Detection, DetectionKind, SchmidtInnovation};
+use crate::tracking::echo::Echo;
 use crate::tracking::expected_detection::ExpectedDetection;
 use crate::tracking::imm::Imm;
+
+/// A detection is surely a target's own with this probability.
+const SURE: f64 = 0.9;
 
 /// What the scan should show of the target under each model, for one kind of detection at a time: nearly all scans have one.
 struct Expectations<'a, T, const M: usize> {
     imm: &'a Imm<T, M>,
     scan: &'a Scan<'a, T>,
+    echo: &'a Echo<T>,
     kind: Option<DetectionKind>,
     models: [Result<ExpectedDetection<T>, SkipReason>; M],
 }
 
 impl<'a, T: Scalar, const M: usize> Expectations<'a, T, M> {
-    fn new(imm: &'a Imm<T, M>, scan: &'a Scan<'a, T>) -> Self {
+    fn new(imm: &'a Imm<T, M>, (scan, echo): (&'a Scan<'a, T>, &'a Echo<T>)) -> Self {
         Self {
             imm,
             scan,
+            echo,
             kind: None,
             models: [Err(SkipReason::NotUsed); M],
         }
@@ -36,7 +42,7 @@ impl<'a, T: Scalar, const M: usize> Expectations<'a, T, M> {
         if self.kind != Some(kind) {
             self.kind = Some(kind);
             self.models = core::array::from_fn(|m| {
-                ExpectedDetection::new(kind, &self.imm.modes[m], self.scan)
+                ExpectedDetection::new(kind, &self.imm.modes[m], self.scan, self.echo)
             });
         }
         &self.models
@@ -79,7 +85,7 @@ fn clutter<T: Scalar>(detection: &Detection<T>, scan: &Scan<'_, T>) -> T {
 /// Weights of a track (J1, J2).
 pub(super) fn weigh<T: Scalar, const M: usize, const D: usize>(
     track: &Track<T, M>,
-    scan: &Scan<'_, T>,
+    (scan, echo): (&Scan<'_, T>, &Echo<T>),
     config: &MultiTargetConfig<T, M>,
     counts: &mut TrackerCounts,
 ) -> Association<T, D> {
@@ -94,7 +100,7 @@ pub(super) fn weigh<T: Scalar, const M: usize, const D: usize>(
         T::one()
     };
     let mut weights = Association::missed(silent);
-    let mut expectations = Expectations::new(&track.imm, scan);
+    let mut expectations = Expectations::new(&track.imm, (scan, echo));
     for (index, detection) in (0..).zip(scan.detections) {
         if !detection.is_valid() {
             continue;
@@ -137,13 +143,13 @@ fn likelihood<T: Scalar, const M: usize>(
     inside.then_some(likelihood)
 }
 
-/// Updates models, existence and record of a track with the marginal probabilities of the scan.
+/// Updates models, existence and record of a track with the marginal probabilities of the scan; what it was probably updated with.
 pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
     track: &mut Track<T, M>,
-    scan: &Scan<'_, T>,
+    (scan, echo): (&Scan<'_, T>, &Echo<T>),
     marginal: &Association<T, D>,
     config: &MultiTargetConfig<T, M>,
-) {
+) -> Option<Likeliest<T>> {
     let pd = detection_probability(track, scan, config);
     let pd_missed = if scan.sensor.covers_all {
         pd
@@ -162,7 +168,7 @@ pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
         updates: [PdaUpdate::default(); M],
         best: None,
     };
-    let mut expectations = Expectations::new(&before, scan);
+    let mut expectations = Expectations::new(&before, (scan, echo));
     for candidate in marginal.candidates() {
         let Some(detection) = scan.detections.get(candidate.detection as usize) else {
             continue;
@@ -177,13 +183,31 @@ pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
         update.apply(mode, mode.probability);
         mode.probability /= total;
     }
-    track.innovation = record(gathered.best.map(|(_, i)| i));
+    track.innovation = record(gathered.best.as_ref().map(|best| best.innovation));
+    gathered.best
 }
 
 /// What the detections of a scan do to each model, and the likeliest of them.
 struct Gathered<T, const M: usize> {
     updates: [PdaUpdate<T>; M],
-    best: Option<(T, SchmidtInnovation<T>)>,
+    best: Option<Likeliest<T>>,
+}
+
+/// The likeliest detection under the likeliest model.
+pub(super) struct Likeliest<T> {
+    /// Its share of all that the track was updated with.
+    share: T,
+    /// Probability that the target caused it.
+    probability: T,
+    kind: DetectionKind,
+    innovation: SchmidtInnovation<T>,
+}
+
+impl<T: Scalar> Likeliest<T> {
+    /// It, if it is surely that of the target.
+    pub(super) fn surely(&self) -> Option<(DetectionKind, &SchmidtInnovation<T>)> {
+        (self.probability > lit(SURE)).then_some((self.kind, &self.innovation))
+    }
 }
 
 impl<T: Scalar, const M: usize> Gathered<T, M> {
@@ -213,8 +237,13 @@ impl<T: Scalar, const M: usize> Gathered<T, M> {
             let share = beta * weights[m] / sum;
             after.modes[m].probability += share;
             self.updates[m].add(share, i);
-            if self.best.is_none_or(|(most, _)| share > most) {
-                self.best = Some((share, *i));
+            if self.best.as_ref().is_none_or(|best| share > best.share) {
+                self.best = Some(Likeliest {
+                    share,
+                    probability: beta,
+                    kind: detection.kind(),
+                    innovation: *i,
+                });
             }
         }
     }
