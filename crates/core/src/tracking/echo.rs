@@ -21,7 +21,7 @@ pub type EchoCovariance<T> = SMatrix<T, STATES, 2>;
 
 /// Shares of an echo's place that may be kept from scan to scan; the first is that of white noise.
 const KEPT: [f64; 4] = [0.0, 0.7, 0.9, 0.97];
-/// Log-likelihood by which a share has to surpass white noise before it is believed: a thousand to one.
+/// Log-likelihood by which a share has to surpass white noise before it is used: a thousand to one.
 const CONVINCING: f64 = 7.0;
 /// And below that of the likeliest share, by which one is refuted: twenty to one.
 const POSSIBLE: f64 = 3.0;
