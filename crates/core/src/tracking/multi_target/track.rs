@@ -95,7 +95,10 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         for mode in &self.imm.modes {
             finite("state of a track", &mode.state)?;
             covariance("covariance of a track", &mode.covariance)?;
-            finite("cross-covariance of a track", &mode.cross)?;
+            finite(
+                "cross-covariance of a track",
+                mode.cross.iter().chain(&mode.echo),
+            )?;
             not_negative("probability of a motion model", [&mode.probability])?;
         }
         let Existence {
