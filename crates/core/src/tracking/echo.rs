@@ -89,6 +89,9 @@ impl<T: Scalar> Seen<T> {
             DetectionKind::Bearing => return None,
         };
         let extent = extent.component_mul(&extent);
+        if !extent.iter().all(|variance| variance.is_finite()) {
+            return None;
+        }
         let mut pose = scan.own_ship.covariance;
         for i in 0..3 {
             if pose[(i, i)] <= T::zero() {
@@ -183,8 +186,12 @@ impl<T: Scalar> SensorEchoes<T> {
         }
         self.interval_s += (dt - self.interval_s) * lit(1.0 / 64.0);
         let spread = (before.spread + now.spread) * lit::<T>(0.5);
-        let change = now.residual - before.residual;
-        for (i, change) in [change.x, wrap(change.y)].into_iter().enumerate() {
+        let mut change = now.residual - before.residual;
+        if now.kind == DetectionKind::RangeBearing {
+            change.y = wrap(change.y);
+        }
+        for (i, change) in change.iter().enumerate() {
+            let change = *change;
             let square = change * change * lit(0.5);
             let density = |kept: f64| {
                 let variance = spread[i] + now.extent[i] * lit(1.0 - kept);
