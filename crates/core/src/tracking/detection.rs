@@ -170,6 +170,16 @@ pub enum DetectionKind {
 }
 
 impl DetectionKind {
+    /// One residual less another, angles wrapped.
+    pub(super) fn difference<T: Scalar>(self, a: &Vector2<T>, b: &Vector2<T>) -> Vector2<T> {
+        let change = a - b;
+        match self {
+            Self::RangeBearing => Vector2::new(change.x, wrap(change.y)),
+            Self::Bearing => Vector2::new(wrap(change.x), change.y),
+            Self::Position => change,
+        }
+    }
+
     /// The detection that a target at `x` causes without noise, its components in the order of the residual, and a
     /// prediction without residual. `None` where target and own ship are in one place and the bearing has no direction.
     pub(super) fn predict<T: Scalar>(

@@ -8,12 +8,11 @@
 //! A place that stays is a consider state of each target, as the own ship's pose is (Schmidt): it is never estimated, its covariance
 //! with the target's error is kept. Equations: `docs/derivations/association.md`, section 9.
 
-use nalgebra::{SMatrix, Vector2};
+use nalgebra::SMatrix;
 
 use super::coordinated_turn::STATES;
-use super::detection::{DetectionKind, DetectionNoise, SchmidtInnovation};
-use super::multi_target::Scan;
-use crate::geometry::trigonometry::wrap;
+use super::detection::DetectionNoise;
+use super::seen::Seen;
 use crate::scalar::{Scalar, lit};
 
 /// Covariance of a target's error with where its echo comes from (north, east), m times the unit of the state.
@@ -31,6 +30,8 @@ const OVERLAP: f64 = 0.5;
 const MEMORY: f64 = 1000.0;
 /// A pair that is so many usual intervals apart has a scan between.
 const MISSED: f64 = 1.5;
+/// Looks at a target with more scans between are not compared.
+const FARTHEST_APART: u8 = 8;
 /// Sensors that are learnt about: those beyond keep their white noise.
 const SENSORS: usize = 4;
 
@@ -50,68 +51,6 @@ impl<T: Scalar> Echo<T> {
             lasting: T::zero(),
             noise: *noise,
         }
-    }
-}
-
-/// A detection of a target, less what was expected of it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(bound(
-        serialize = "T: Scalar + serde::Serialize",
-        deserialize = "T: Scalar + serde::Deserialize<'de>"
-    ))
-)]
-pub(super) struct Seen<T> {
-    pub(super) time_s: T,
-    /// Place of the sensor in [`EchoMemory`].
-    pub(super) sensor: u8,
-    pub(super) kind: DetectionKind,
-    pub(super) residual: Vector2<T>,
-    /// Variance of its components but for what the own ship and the echo's place add, which changes little from scan to scan.
-    pub(super) spread: Vector2<T>,
-    /// What the echo's place adds to them where it is new in every scan.
-    pub(super) extent: Vector2<T>,
-}
-
-impl<T: Scalar> Seen<T> {
-    /// Of an innovation of a target at this range (m) with this noise; `None` of a bearing alone, which moves with the target's range.
-    pub(super) fn new(
-        (kind, innovation): (DetectionKind, &SchmidtInnovation<T>),
-        (scan, echo): (&Scan<'_, T>, &Echo<T>),
-        (sensor, range): (u8, T),
-    ) -> Option<Self> {
-        let std = scan.sensor.noise.extent_std_m;
-        let extent = match kind {
-            DetectionKind::RangeBearing => Vector2::new(std, std / range),
-            DetectionKind::Position => Vector2::repeat(std),
-            DetectionKind::Bearing => return None,
-        };
-        let extent = extent.component_mul(&extent);
-        if !extent.iter().all(|variance| variance.is_finite()) {
-            return None;
-        }
-        let mut pose = scan.own_ship.covariance;
-        for i in 0..3 {
-            if pose[(i, i)] <= T::zero() {
-                pose[(i, i)] = T::one();
-            }
-        }
-        let o = &innovation.pose_covariance;
-        let of_pose = o.transpose() * pose.cholesky()?.solve(o);
-        let of_echo = match &innovation.echo_covariance {
-            Some(e) => (e.transpose() * e / echo.lasting).diagonal(),
-            None => extent,
-        };
-        Some(Self {
-            time_s: scan.time_s,
-            sensor,
-            kind,
-            residual: innovation.residual,
-            spread: innovation.covariance.diagonal() - of_pose.diagonal() - of_echo,
-            extent,
-        })
     }
 }
 
@@ -172,24 +111,25 @@ impl<T: Scalar> SensorEchoes<T> {
             .map_or(T::zero(), |i| lit(KEPT[i]))
     }
 
-    /// Takes the residuals of one target in two looks in a row (N1, N2).
-    fn learn(&mut self, before: &Seen<T>, now: &Seen<T>) {
-        let dt = now.time_s - before.time_s;
+    /// Whether so many seconds are those between two scans, none missed.
+    fn is_pair(&mut self, dt: T) -> bool {
         if dt <= T::zero() {
-            return;
+            return false;
         }
         if self.interval_s <= T::zero() || dt * lit(MISSED) < self.interval_s {
             self.interval_s = dt;
         }
-        if dt > self.interval_s * lit(MISSED) {
-            return;
+        let is_pair = dt <= self.interval_s * lit(MISSED);
+        if is_pair {
+            self.interval_s += (dt - self.interval_s) * lit(1.0 / 64.0);
         }
-        self.interval_s += (dt - self.interval_s) * lit(1.0 / 64.0);
+        is_pair
+    }
+
+    /// Takes the residuals of one target in two looks in a row (N1, N2).
+    fn learn(&mut self, before: &Seen<T>, now: &Seen<T>) {
         let spread = (before.spread + now.spread) * lit::<T>(0.5);
-        let mut change = now.residual - before.residual;
-        if now.kind == DetectionKind::RangeBearing {
-            change.y = wrap(change.y);
-        }
+        let change = now.kind.difference(&now.residual, &before.residual);
         for (i, change) in change.iter().enumerate() {
             let change = *change;
             let square = change * change * lit(0.5);
@@ -255,14 +195,20 @@ impl<T: Scalar> EchoMemory<T> {
         u8::try_from(place).ok()
     }
 
-    /// Takes a target that was seen twice in a row.
-    pub(super) fn learn(&mut self, before: &Seen<T>, now: &Seen<T>) {
-        let place = self.sensors.get_mut(usize::from(now.sensor));
-        if let Some(Some(sensor)) = place
-            && (before.sensor, before.kind) == (now.sensor, now.kind)
-        {
+    /// Takes a target that was seen twice; the scans between the two and the seconds of one, where the sensor is the same.
+    pub(super) fn learn(&mut self, before: &Seen<T>, now: &Seen<T>) -> Option<(u8, T)> {
+        let place = self.sensors.get_mut(usize::from(now.sensor))?;
+        if (before.sensor, before.kind) != (now.sensor, now.kind) {
+            return None;
+        }
+        let sensor = place.as_mut()?;
+        let dt = now.time_s - before.time_s;
+        if sensor.is_pair(dt) {
             sensor.learn(before, now);
         }
+        let apart = dt / sensor.interval_s;
+        let nearest = |scans: &u8| (apart - lit(f64::from(*scans))).abs() <= lit(0.5);
+        Some(((1..=FARTHEST_APART).find(nearest)?, sensor.interval_s))
     }
 
     /// The numbers, for checks of a saved state.

@@ -52,8 +52,10 @@ mod linearization;
 pub mod multi_target;
 pub mod own_ship;
 pub mod pose_as_known;
+pub mod pose_error;
 pub mod radar;
 pub mod schmidt_kalman;
+mod seen;
 mod update;
 
 pub use crate::kalman::NavigationPose;

@@ -33,9 +33,11 @@ use super::association::candidates::Association;
 use super::association::clusters::Clusters;
 use super::association::jipda::associate;
 use super::detection::Detection;
-use super::echo::{Echo, EchoMemory, Seen};
+use super::echo::{Echo, EchoMemory};
 use super::imm::Mode;
-use super::own_ship::OwnShip;
+use super::own_ship::{OwnShip, PoseErrorCorrelation};
+use super::pose_error::{PoseErrorMemory, SeenTogether};
+use super::seen::Seen;
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
 use crate::scalar::{Scalar, lit};
@@ -116,6 +118,8 @@ pub struct MultiTargetState<T, const M: usize, const N: usize> {
     counts: TrackerCounts,
     #[cfg_attr(feature = "serde", serde(default))]
     echoes: EchoMemory<T>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    pose_error: PoseErrorMemory<T>,
 }
 
 /// Time of a scan (s), and the covariance of the pose then.
@@ -152,6 +156,7 @@ impl<T: Scalar, const M: usize, const N: usize> MultiTargetState<T, M, N> {
             next_id: self.next_id,
             counts: self.counts,
             echoes: self.echoes,
+            pose_error: self.pose_error,
         })
     }
 }
@@ -178,6 +183,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
             expect("pose", pose.is_valid(), "finite, with a covariance")?;
         }
         finite("echoes", state.echoes.numbers())?;
+        finite("error of the pose", state.pose_error.numbers())?;
         self.state = state;
         self.reach = N;
         self.shorten();
@@ -201,6 +207,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
                 next_id: 1,
                 counts: TrackerCounts::default(),
                 echoes: EchoMemory::default(),
+                pose_error: PoseErrorMemory::default(),
             },
             reach: 0,
             weights: [Association::missed(T::one()); N],
@@ -236,6 +243,16 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     /// How long echoes stay where they are on their targets, as learnt so far.
     pub fn echoes(&self) -> &EchoMemory<T> {
         &self.state.echoes
+    }
+
+    /// How long errors of the own ship's pose last: the setting, or what was learnt where that is refuted.
+    pub fn pose_error_correlation(&self) -> PoseErrorCorrelation<T> {
+        let usual = &self.config.settings.pose_error_correlation;
+        if self.config.settings.learn_pose_error_correlation {
+            self.state.pose_error.correlation(usual)
+        } else {
+            *usual
+        }
     }
 
     /// Takes one scan.
@@ -311,8 +328,8 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     fn predict(&mut self, scan: &Scan<'_, T>, dt: T) {
         let kept = self.state.last.map_or_else(Vector3::zeros, |last| {
-            let memory = &self.config.settings.pose_error_correlation;
-            memory.factors(&last.covariance, &scan.own_ship.covariance, dt)
+            let correlation = self.pose_error_correlation();
+            correlation.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
         let echo_kept = self.state.echoes.kept(dt);
         for track in self.state.tracks[..self.reach].iter_mut().flatten() {
@@ -343,21 +360,40 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     fn update(&mut self, scan: &Scan<'_, T>, echo: &Echo<T>) {
         let sensor = self.state.echoes.place(&scan.sensor.noise);
+        let pose = &scan.own_ship.covariance;
+        let learns = self.config.settings.learn_pose_error_correlation;
+        let mut together =
+            (learns && pose.trace() > T::zero()).then(|| SeenTogether::new(pose));
         let tracks = self.state.tracks[..self.reach].iter_mut();
         for (slot, marginal) in tracks.zip(&self.marginals) {
             let Some(track) = slot else { continue };
+            let before = track.imm;
             let likeliest = update::update(track, (scan, echo), marginal, &self.config);
             track.confirm(&self.config);
-            let seen = likeliest.and_then(|likeliest| {
-                let is_own = track.status == TrackStatus::Confirmed;
-                let place = (sensor.filter(|_| is_own)?, track.range_m(scan.own_ship));
-                Seen::new(likeliest.surely()?, (scan, echo), place)
-            });
-            let before = track.seen;
-            track.seen = seen.or(before);
-            if let (Some(before), Some(now)) = (before, seen) {
-                self.state.echoes.learn(&before, &now);
+            let Some((detection, innovation)) = likeliest.as_ref().and_then(|l| l.surely()) else {
+                continue;
+            };
+            let is_own = track.status == TrackStatus::Confirmed;
+            let Some(sensor) = sensor.filter(|_| is_own) else {
+                continue;
+            };
+            let place = (sensor, track.range_m(scan.own_ship));
+            let seen = Seen::new((detection.kind(), innovation), (scan, echo), place);
+            let Some(mut seen) = seen else { continue };
+            let last = track.seen.as_ref();
+            let last = last.and_then(|last| Some((last, self.state.echoes.learn(last, &seen)?)));
+            if let Some(together) = &mut together {
+                let states = [&before.estimate().state, &track.estimate().state];
+                let since = last.map(|(last, (scans, _))| (last, scans));
+                let changes = seen.compare(since, (detection, scan), states);
+                if let (Some(changes), Some((_, (_, interval_s)))) = (changes, last) {
+                    together.add(&changes, interval_s);
+                }
             }
+            track.seen = Some(seen);
+        }
+        if let Some(together) = together {
+            self.state.pose_error.learn(&together);
         }
     }
 

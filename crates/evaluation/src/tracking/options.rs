@@ -44,6 +44,7 @@ pub struct TrackOptions {
 
 /// Names of the motion models' parameters begin so.
 pub(super) const MOTION: &str = "motion.";
+const LEARN_CORRELATION: &str = "learn_pose_error_correlation";
 
 impl TrackOptions {
     fn tables(&mut self) -> Tables<'_> {
@@ -67,6 +68,11 @@ impl TrackOptions {
                 problem: "`converted` takes pose errors as new at every scan; choose `schmidt`"
                     .to_owned(),
             });
+        }
+        // Whoever says how long errors last means it.
+        if lasts && !self.origins.contains_key(LEARN_CORRELATION) {
+            self.settings.learn_pose_error_correlation = false;
+            self.origins.insert(LEARN_CORRELATION.to_owned(), origin);
         }
         self.origins.insert(name, origin);
         Ok(())
@@ -110,6 +116,7 @@ impl TrackOptions {
                 position_s: 0.0,
                 heading_s: 0.0,
             };
+            options.settings.learn_pose_error_correlation = false;
         }
         options
     }

@@ -16,6 +16,9 @@ parameters! {
         pose_error_correlation: PoseErrorCorrelation, [PoseErrorCorrelation::default()], "How long errors of the own ship's pose last";
     };
 
+    learn_pose_error_correlation: bool, "-", Flag, [true],
+        "whether errors of the own ship's pose last as long as targets seen together show, where they refute the times above",
+        "Of a time of 0 nothing is learnt, nor from one target alone.";
     gate_sigmas: T, "-", From(1e-3, 1e6), [3.5],
         "radius of the gate, standard deviations",
         "Raising it loses fewer manoeuvring targets and lets in more clutter.";

@@ -10,9 +10,10 @@ use crate::scalar::{Scalar, lit};
 use crate::tracking::association::ipda::Existence;
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, Detection};
-use crate::tracking::echo::{Echo, EchoCovariance, Seen};
+use crate::tracking::echo::{Echo, EchoCovariance};
 use crate::tracking::imm::{Imm, Mode};
 use crate::tracking::own_ship::OwnShip;
+use crate::tracking::seen::Seen;
 
 /// Status of a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,8 +112,9 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         let numbers = innovation.residual.iter().chain(&innovation.covariance);
         let seen = self.seen.iter();
         let seen = seen.flat_map(|seen| {
-            let vectors = [&seen.residual, &seen.spread, &seen.extent];
-            vectors.into_iter().flatten().chain([&seen.time_s])
+            let vectors = [&seen.residual, &seen.spread, &seen.extent, &seen.left];
+            let change = seen.change.iter().map(|change| &change.by);
+            vectors.into_iter().chain(change).flatten().chain([&seen.time_s])
         });
         finite("last detection of a track", seen)?;
         finite("innovation of a track", numbers.chain([&innovation.nis]))

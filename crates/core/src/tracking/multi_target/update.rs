@@ -199,14 +199,14 @@ pub(super) struct Likeliest<T> {
     share: T,
     /// Probability that the target caused it.
     probability: T,
-    kind: DetectionKind,
+    detection: Detection<T>,
     innovation: SchmidtInnovation<T>,
 }
 
 impl<T: Scalar> Likeliest<T> {
     /// It, if it is surely that of the target.
-    pub(super) fn surely(&self) -> Option<(DetectionKind, &SchmidtInnovation<T>)> {
-        (self.probability > lit(SURE)).then_some((self.kind, &self.innovation))
+    pub(super) fn surely(&self) -> Option<(&Detection<T>, &SchmidtInnovation<T>)> {
+        (self.probability > lit(SURE)).then_some((&self.detection, &self.innovation))
     }
 }
 
@@ -241,7 +241,7 @@ impl<T: Scalar, const M: usize> Gathered<T, M> {
                 self.best = Some(Likeliest {
                     share,
                     probability: beta,
-                    kind: detection.kind(),
+                    detection: *detection,
                     innovation: *i,
                 });
             }
