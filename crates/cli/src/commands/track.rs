@@ -315,7 +315,11 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
         if let Some(cutoff) = summary.cutoff_m {
             text.push_str(&scores(summary, cutoff));
         }
-        for issue in followed_targets::left_out(summary) {
+        let learnt = followed_targets::learnt(&summary.learnt);
+        for issue in learnt
+            .into_iter()
+            .chain(followed_targets::left_out(summary))
+        {
             text.push_str(&format!("  {issue}\n"));
         }
     }

@@ -216,6 +216,15 @@ fn settings_of_the_tracker_are_set_by_name_and_handed_over() {
     assert_eq!(used(&json, "gate_sigmas"), (4.0.into(), "set".into()));
     let memory = used(&json, "pose_error_correlation.position_s");
     assert_eq!(memory, (300.0.into(), "default".into()));
+    let learns = "learn_pose_error_correlation";
+    assert_eq!(used(&json, learns), (true.into(), "default".into()));
+    // Whoever says how long errors last means it.
+    let set = "pose_error_correlation.heading_s=20";
+    let said = lab.json(&["track", "pond.toml", "--set", set, "--json"]);
+    assert_eq!(used(&said, learns), (false.into(), "set".into()));
+    let both = ["track", "pond.toml", "--set", set, "--set"];
+    let said = lab.json(&[&both[..], &["learn_pose_error_correlation=true", "--json"]].concat());
+    assert_eq!(used(&said, learns), (true.into(), "set".into()));
     assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
     let converted = ["track", "pond.toml", "--tracker", "converted"];
     let json = lab.json(&[&converted[..], &["--json"]].concat());
@@ -431,4 +440,32 @@ fn a_ferry_in_a_harbour_finds_its_targets() {
     for target in json["targets"].as_array().unwrap() {
         assert_eq!(target["lost"], false, "{json}");
     }
+}
+
+/// A laser scanner on a platform whose heading wanders by 3.9 degrees with a correlation time of 2.1 s, of which only the size is told.
+#[test]
+fn how_long_errors_of_the_heading_last_is_learnt_and_said() {
+    let lab = Lab::new();
+    std::fs::create_dir(lab.path("scenes")).unwrap();
+    let scenes = ["--worlds", "1", "--save", "scenes", "--json"];
+    let drawn = lab.json(&[&["experiment", "tracking-worlds"][..], &scenes].concat());
+    let scene = &drawn["scenes"][0]["description"];
+    let number = |of: &serde_json::Value| of.as_f64().unwrap();
+    let truth = number(&scene["own_ship_error"]["correlation_scans"])
+        * number(&scene["sensor"]["scan_interval_s"]);
+    let json = lab.json(&["track", "scenes/pedestrians-0.toml", "--json"]);
+    let learnt = number(&json["learnt"]["heading_error_s"]);
+    assert!(
+        learnt > 0.5 * truth && learnt < 3.0 * truth,
+        "{learnt} {truth}"
+    );
+    assert!(json["learnt"]["echoes"].as_array().unwrap().is_empty());
+    let text = lab.succeeds(&["track", "scenes/pedestrians-0.toml"]);
+    contains(
+        &text,
+        &["error of the own ship's heading has a correlation time of about 3.8 s"],
+    );
+    let page = lab.succeeds(&["track", "scenes/pedestrians-0.toml", "--report", "p.html"]);
+    contains(&page, &["p.html"]);
+    contains(&lab.read("p.html"), &["Learnt from the detections"]);
 }

@@ -18,6 +18,8 @@
 //! | file | what is in it |
 //! |---|---|
 //! | [`own_ship`] | the own ship's pose with its covariance, and how fast its errors are forgotten |
+//! | [`pose_error`] | how long those errors last, learnt from targets seen together |
+//! | [`echo`] | how long echoes stay where they are on their targets, learnt from looks in a row |
 //! | [`detection`] | what radar, camera and AIS report; predicted measurement and Jacobians |
 //! | [`coordinated_turn`] | motion in a circle, its Jacobian; constant velocity in the same states |
 //! | [`imm`] | several motion models at once, with the cross-covariance to the own ship |

@@ -362,8 +362,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         let sensor = self.state.echoes.place(&scan.sensor.noise);
         let pose = &scan.own_ship.covariance;
         let learns = self.config.settings.learn_pose_error_correlation;
-        let mut together =
-            (learns && pose.trace() > T::zero()).then(|| SeenTogether::new(pose));
+        let mut together = (learns && pose.trace() > T::zero()).then(|| SeenTogether::new(pose));
         let tracks = self.state.tracks[..self.reach].iter_mut();
         for (slot, marginal) in tracks.zip(&self.marginals) {
             let Some(track) = slot else { continue };

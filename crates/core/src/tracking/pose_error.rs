@@ -4,6 +4,8 @@
 //! have in common from one look to the next is the own ship's. How much more it changes over a longer time than over a shorter one tells
 //! how long the error lasts ([`PoseErrorCorrelation`]), which nobody tells a tracker that gets a pose and its covariance only.
 //!
+//! When not: a convoy that manoeuvres in unison, with no other target in sight, looks like an own ship whose position wanders.
+//!
 //! An error that jumps to and fro from scan to scan about one that stays is not taken for one that wanders: such jitter is no larger
 //! over two scans than over one. Equations: `docs/derivations/association.md`, section 10.
 
@@ -15,7 +17,7 @@ use crate::scalar::{Scalar, lit};
 /// Scans that are remembered.
 const MEMORY: f64 = 1000.0;
 /// Standard deviations of a rate by which it has to differ from the usual one before it is used.
-const CONVINCING: f64 = 3.0;
+const CONVINCING: f64 = 2.0;
 /// Part of its variance that one unknown has to have for itself to be told from the others.
 const SINGULAR: f64 = 1e-5;
 /// Changes over at most so many scans are looked at.

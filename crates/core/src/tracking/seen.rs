@@ -1,7 +1,7 @@
 //! A detection that was surely a target's own, less what was expected of it: what two or three of them in a row teach ([`super::echo`],
 //! [`super::pose_error`]).
 
-use nalgebra::{Vector2};
+use nalgebra::Vector2;
 
 use super::coordinated_turn::TargetState;
 use super::detection::{Detection, DetectionKind, SchmidtInnovation};

@@ -85,6 +85,8 @@ pub struct TrackSummary {
     pub tgospa_m: Option<f64>,
     /// No assignment is nearer; equal to `tgospa_m` where that is known to be the best.
     pub tgospa_at_least_m: Option<f64>,
+    /// What the tracker learnt of the own ship and the sensors, as it was at the end.
+    pub learnt: Learnt,
     /// What the tracker did and refused.
     pub counts: Counts,
     /// What the reader left out.
@@ -93,6 +95,28 @@ pub struct TrackSummary {
     pub parameters: Vec<UsedParameter>,
     /// Version of the program.
     pub version: &'static str,
+}
+
+/// What a tracker learnt from its detections.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Learnt {
+    /// How long errors of the own ship's position last, s, where that is not the setting.
+    pub position_error_s: Option<f64>,
+    /// The same of the heading.
+    pub heading_error_s: Option<f64>,
+    /// Sensors whose echoes stay on their targets from scan to scan.
+    pub echoes: Vec<LearntEcho>,
+}
+
+/// Echoes of a sensor that stay.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LearntEcho {
+    /// The sensor, or those of the same noise.
+    pub sensors: Vec<String>,
+    /// Share of an echo's place that at least is still the same in the next scan.
+    pub kept: f64,
+    /// Seconds between two scans.
+    pub interval_s: f64,
 }
 
 /// The tracker's counters.

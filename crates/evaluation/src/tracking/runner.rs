@@ -138,6 +138,14 @@ impl Runner {
         }
     }
 
+    /// Names of the sensors in use, with their noise.
+    fn noises(&self) -> Vec<(String, DetectionNoise<f64>)> {
+        let used = self.sensors.iter().flatten();
+        let each = self.names.iter().zip(used);
+        each.map(|(name, sensor)| (name.clone(), sensor.noise))
+            .collect()
+    }
+
     fn own_ship(&self, pose: &OwnShipPose) -> OwnShip<f64> {
         let stated = self
             .options
@@ -247,6 +255,7 @@ impl Runner {
             ospa_m: self.score.ospa_m(),
             tgospa_m: over_time.map(|distance| distance.at_most_m),
             tgospa_at_least_m: over_time.map(|distance| distance.at_least_m),
+            learnt: self.tracker.learnt(&self.noises()),
             counts: Counts::from(self.tracker.counts()),
             left_out: recording.issues,
             parameters: self.parameters.clone(),

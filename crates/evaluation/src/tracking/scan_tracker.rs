@@ -2,13 +2,17 @@
 
 use northing_core::Restorable;
 use northing_core::tracking::association::candidates::Association;
+use northing_core::tracking::detection::DetectionNoise;
+use northing_core::tracking::echo::{EchoMemory, SensorEchoes};
 use northing_core::tracking::multi_target::{
     EndedTrack, MultiTargetConfig, MultiTargetState, MultiTargetTracker, Scan, ScanError, Track,
     TrackStatus, TrackerCounts,
 };
+use northing_core::tracking::own_ship::PoseErrorCorrelation;
 use serde_json::Value;
 
 use super::epoch::{FollowedTrack, MODELS, TargetAssociation, TrackedTarget};
+use super::outcome::{Learnt, LearntEcho};
 use crate::error::EvaluationError;
 
 /// Tracks at a time: all ships of a strait, everybody on a square.
@@ -104,6 +108,30 @@ impl ScanTracker {
         self.room.counts()
     }
 
+    /// What was learnt so far, with these names of the sensors by their noise.
+    #[must_use]
+    pub fn learnt(&self, names: &[(String, DetectionNoise<f64>)]) -> Learnt {
+        let usual = &self.config.settings.pose_error_correlation;
+        let found = self.room.pose_error_correlation();
+        let other = |found: f64, usual: f64| (found.to_bits() != usual.to_bits()).then_some(found);
+        let echoes = self.room.echoes();
+        let lasting = echoes.sensors().filter(|echo| echo.kept() > 0.0);
+        let name = |echo: &SensorEchoes<f64>| LearntEcho {
+            sensors: names
+                .iter()
+                .filter(|(_, noise)| *noise == echo.noise)
+                .map(|(name, _)| name.clone())
+                .collect(),
+            kept: echo.kept(),
+            interval_s: echo.interval_s,
+        };
+        Learnt {
+            position_error_s: other(found.position_s, usual.position_s),
+            heading_error_s: other(found.heading_s, usual.heading_s),
+            echoes: lasting.map(name).collect(),
+        }
+    }
+
     /// Everything that the next scan depends on, but for the settings.
     ///
     /// # Errors
@@ -134,6 +162,8 @@ trait Room: Send + Sync {
     fn each(&self, tell: EachTrack<'_>);
     fn ended(&self) -> Vec<EndedTrack>;
     fn counts(&self) -> &TrackerCounts;
+    fn pose_error_correlation(&self) -> PoseErrorCorrelation<f64>;
+    fn echoes(&self) -> &EchoMemory<f64>;
     fn save(&self) -> Result<Value, EvaluationError>;
     /// The same with the largest room.
     fn crowded(&self, config: Config) -> Result<Box<dyn Room>, EvaluationError>;
@@ -160,6 +190,14 @@ impl<const N: usize> Room for Tracker<N> {
 
     fn counts(&self) -> &TrackerCounts {
         Self::counts(self)
+    }
+
+    fn pose_error_correlation(&self) -> PoseErrorCorrelation<f64> {
+        Self::pose_error_correlation(self)
+    }
+
+    fn echoes(&self) -> &EchoMemory<f64> {
+        Self::echoes(self)
     }
 
     fn save(&self) -> Result<Value, EvaluationError> {

@@ -8,7 +8,7 @@ use crate::page::facts::{Fact, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Cell, Column, Table};
 use northing_evaluation::tracking::matching::{assign, distance};
-use northing_evaluation::tracking::outcome::{COVERED, Counts};
+use northing_evaluation::tracking::outcome::{COVERED, Counts, Learnt};
 use northing_evaluation::tracking::{TrackEpoch, TrackSummary};
 use northing_recording::tracking::TrackingIssues;
 
@@ -26,6 +26,12 @@ pub fn render(summary: &TrackSummary, epochs: &[TrackEpoch], command: &str) -> S
         "errors",
         "Errors over time",
         &errors(epochs, summary.cutoff_m),
+    );
+    let learnt = learnt(&summary.learnt);
+    page.section(
+        "learnt",
+        "Learnt from the detections",
+        &html::sentences(&learnt),
     );
     let issues = left_out(summary);
     page.section("recording", "Recording", &html::sentences(&issues));
@@ -210,6 +216,36 @@ fn targets(summary: &TrackSummary) -> Vec<Table> {
         rows: rows.collect(),
         ..Table::default()
     }]
+}
+
+/// What the tracker learnt, one sentence each.
+#[must_use]
+pub fn learnt(learnt: &Learnt) -> Vec<String> {
+    let errors = [
+        ("position", learnt.position_error_s),
+        ("heading", learnt.heading_error_s),
+    ];
+    let errors = errors.into_iter().filter_map(|(of, time_s)| {
+        Some(format!(
+            "learnt from targets seen together: the error of the own ship's {of} has a correlation time of about {} s, not that of the setting",
+            two_digits(time_s?)
+        ))
+    });
+    let echoes = learnt.echoes.iter().map(|echo| {
+        format!(
+            "learnt from looks in a row: an echo's place on its target is correlated by {} or more from one look to the next, {} s later ({})",
+            echo.kept,
+            two_digits(echo.interval_s),
+            echo.sensors.join(", ")
+        )
+    });
+    errors.chain(echoes).collect()
+}
+
+/// A positive number with two significant digits.
+fn two_digits(number: f64) -> String {
+    let decimals = (1.0 - number.log10().floor()).clamp(0.0, 6.0);
+    format!("{number:.0$}", decimals as usize)
 }
 
 /// What the tracker refused or skipped and the reader left out, one sentence each.

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | sensor | by class: a scan each 0.05 to 12 s, ranges to 15 m to 200 km, 0.02 to 150 m and 0.05 to 2 deg (one sigma) |
 //! | targets | 1 to 16: standing, straight, turning, changing speed; a third come late, a quarter leave, some in pairs |
-//! | detections | probability 0.6 to 0.98, in some scenes falling with the range or zero in a shadow; echoes that drift on the hull |
+//! | detections | probability 0.6 to 0.98, in some scenes falling with the range or zero in a shadow; in three of ten scenes echoes drift on the hull, over 3 to 50 scans |
 //! | false detections | 0.3 to 30 a scan, even over the area or crowded near the own ship |
 //! | own ship | at rest or moving; in half of the scenes its pose is wrong by a slowly changing error, which is told, or (rarely) not |
 //! | told wrongly | in a third of the scenes noise by 0.6 to 1.6, misses by up to 2, false detections by up to 3 |
@@ -124,7 +124,8 @@ impl TrackingScene {
     pub fn draw(seed: u64, number: u64) -> Self {
         let seed = run_seed(seed, number);
         let class = SceneClass::of(number);
-        let sensor = SceneSensor::draw(class, &mut Draws::new(seed, "sensor"));
+        let mut echo = Draws::new(seed, "sensor/echo");
+        let sensor = SceneSensor::draw(class, &mut Draws::new(seed, "sensor"), &mut echo);
         let told = SensorTold::draw(&sensor, &mut Draws::new(seed, "told"));
         let scans = if class == SceneClass::Pedestrians {
             300

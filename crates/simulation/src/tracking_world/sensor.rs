@@ -6,7 +6,7 @@ use northing_recording::tracking::{Detection, SensorSettings};
 use serde::Serialize;
 
 use super::{OwnShipError, SceneClass};
-use crate::signals::Draws;
+use crate::signals::{Draws, exponential};
 
 /// A sensor of ranges and bearings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -102,7 +102,8 @@ impl Bounds {
 }
 
 impl SceneSensor {
-    pub(super) fn draw(class: SceneClass, draws: &mut Draws) -> Self {
+    /// `echo` is drawn from for the echoes alone.
+    pub(super) fn draw(class: SceneClass, draws: &mut Draws, echo: &mut Draws) -> Self {
         let bounds = Bounds::of(class);
         let mut between = |[low, high]: [f64; 2]| draws.log_uniform(low, high);
         let [
@@ -127,7 +128,11 @@ impl SceneSensor {
             extent_std_m,
             range_m,
             clutter_per_scan,
-            echo_kept: if draws.chance(0.3) { 0.9 } else { 0.0 },
+            echo_kept: if draws.chance(0.3) {
+                exponential(-1.0 / echo.log_uniform(3.0, 50.0))
+            } else {
+                0.0
+            },
             detection_probability: draws.uniform(0.6, 0.98),
             fading: if draws.chance(0.25) { 0.4 } else { 0.0 },
             clutter_near: draws.chance(0.3),

@@ -114,7 +114,11 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         let seen = seen.flat_map(|seen| {
             let vectors = [&seen.residual, &seen.spread, &seen.extent, &seen.left];
             let change = seen.change.iter().map(|change| &change.by);
-            vectors.into_iter().chain(change).flatten().chain([&seen.time_s])
+            vectors
+                .into_iter()
+                .chain(change)
+                .flatten()
+                .chain([&seen.time_s])
         });
         finite("last detection of a track", seen)?;
         finite("innovation of a track", numbers.chain([&innovation.nis]))

@@ -7,6 +7,7 @@ use rand::SeedableRng as _;
 use rand_distr::{Distribution as _, Normal};
 use rand_pcg::Pcg64Mcg;
 
+use crate::restorable::Restorable as _;
 use crate::tracking::{Detection, DetectionNoise, MultiTargetConfig, MultiTargetTracker};
 use crate::tracking::{OwnShip, Scan, ScanSensor};
 
@@ -23,6 +24,7 @@ const RADAR: ScanSensor<f64> = ScanSensor {
     initiates: true,
 };
 const STD_RAD: f64 = 0.04;
+const INTERVAL_S: f64 = 2.0;
 
 /// The heading's error, in standard deviations: first order with this correlation time in scans, a part of its variance new in every scan.
 #[derive(Clone, Copy)]
@@ -37,27 +39,45 @@ struct Outcome {
 }
 
 /// Boats around the own ship for 400 scans; mean NEES of their positions over two in the last 300, and what was learnt.
-fn follow(boats: usize, error: Error, told: f64, seed: u64) -> Outcome {
+fn follow(boats: usize, error: Error, seed: u64) -> Outcome {
+    follow_with(MultiTargetConfig::default(), boats, error, seed)
+}
+
+fn follow_with(
+    config: MultiTargetConfig<f64, 3>,
+    boats: usize,
+    error: Error,
+    seed: u64,
+) -> Outcome {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap();
     let mut draw = || normal.sample(&mut rng);
     let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(0.0, 0.0, STD_RAD);
-    let mut tracker =
-        MultiTargetTracker::<f64, 3, 16, 8>::new(MultiTargetConfig::default()).unwrap();
+    let mut tracker = MultiTargetTracker::<f64, 3, 16, 8>::new(config).unwrap();
     let kept = (-1.0 / error.scans).exp();
     let mut slow = draw();
     let mut squares = Vec::new();
-    let mut sensor = RADAR;
-    sensor.noise.bearing_std_rad *= told;
-    sensor.noise.range_std_m *= told;
     for k in 0..400 {
-        let time_s = 2.0 * f64::from(k);
+        if k == 300 {
+            // A restart in the middle, with what was learnt.
+            let mut again = MultiTargetTracker::new(config).unwrap();
+            again.restore(tracker.save()).unwrap();
+            assert_eq!(
+                again.pose_error_correlation(),
+                tracker.pose_error_correlation()
+            );
+            tracker = again;
+        }
+        let time_s = INTERVAL_S * f64::from(k);
         slow = kept * slow + (1.0 - kept * kept).sqrt() * draw();
         let off = STD_RAD * ((1.0 - error.jitter).sqrt() * slow + error.jitter.sqrt() * draw());
         let places: Vec<_> = (0..boats)
             .map(|i| {
                 let (s, c) = (1.7 * i as f64 + 0.4).sin_cos();
-                Vector2::new(600.0 * c - 2.0 * s * (time_s - 400.0), 600.0 * s + 2.0 * c * (time_s - 400.0))
+                Vector2::new(
+                    600.0 * c - 2.0 * s * (time_s - 400.0),
+                    600.0 * s + 2.0 * c * (time_s - 400.0),
+                )
             })
             .collect();
         let detections: Vec<_> = places
@@ -69,7 +89,7 @@ fn follow(boats: usize, error: Error, told: f64, seed: u64) -> Outcome {
             .collect();
         let scan = Scan {
             time_s,
-            sensor: &sensor,
+            sensor: &RADAR,
             own_ship: &own,
             detections: &detections,
         };
@@ -93,26 +113,68 @@ fn follow(boats: usize, error: Error, told: f64, seed: u64) -> Outcome {
     }
 }
 
+/// Twelve seeds: correlation times of the heading that were taken (s), in order, and the mean NEES.
+fn twelve(boats: usize, error: Error) -> (Vec<f64>, f64) {
+    let all: Vec<_> = (0..12).map(|seed| follow(boats, error, seed)).collect();
+    let mut times: Vec<_> = all.iter().map(|outcome| outcome.heading_s).collect();
+    times.sort_by(f64::total_cmp);
+    let nees = all.iter().map(|outcome| outcome.nees).sum::<f64>() / 12.0;
+    (times, nees)
+}
+
+const fn wanders(scans: f64) -> Error {
+    Error { scans, jitter: 0.0 }
+}
+
 #[test]
-fn probe() {
-    for (name, error) in [
-        ("5", Error { scans: 5.0, jitter: 0.0 }),
-        ("20", Error { scans: 20.0, jitter: 0.0 }),
-        ("100", Error { scans: 100.0, jitter: 0.0 }),
-        ("const", Error { scans: 1e9, jitter: 0.0 }),
-        ("const+10%jitter", Error { scans: 1e9, jitter: 0.1 }),
-        ("const+50%jitter", Error { scans: 1e9, jitter: 0.5 }),
-        ("20+10%jitter", Error { scans: 20.0, jitter: 0.1 }),
-        ("white", Error { scans: 1e-3, jitter: 1.0 }),
-    ] {
-        for boats in [1, 2, 4, 8] {
-            for told in [1.0] {
-            let all: Vec<_> = (0..12).map(|seed| follow(boats, error, told, seed)).collect();
-            let mut times: Vec<_> = all.iter().map(|o| o.heading_s).collect();
-            times.sort_by(f64::total_cmp);
-            let nees = all.iter().map(|o| o.nees).sum::<f64>() / 12.0;
-            std::println!("{name:16} boats {boats} told {told} nees {nees:.2} times {:.0} {:.0} {:.0} {:.0}", times[0], times[3], times[6], times[11]);
-            }
+fn an_error_that_wanders_is_found() {
+    for (boats, scans) in [(2, 20.0), (4, 20.0), (8, 20.0), (8, 100.0)] {
+        let (times, nees) = twelve(boats, wanders(scans));
+        let factors = [times[0], times[11]].map(|time| time / (INTERVAL_S * scans));
+        assert!(factors[0] > 0.6 && factors[1] < 2.5, "{scans}: {times:?}");
+        assert!((0.8..1.3).contains(&nees), "{scans}: {nees}");
+    }
+}
+
+#[test]
+fn what_changes_faster_than_it_can_be_followed_is_not_taken_for_slower_than_it_is_by_much() {
+    let (times, nees) = twelve(4, wanders(5.0));
+    assert!(times[0] > 8.0 && times[11] < 60.0, "{times:?}");
+    assert!((0.8..1.3).contains(&nees), "{nees}");
+}
+
+#[test]
+fn an_error_that_stays_is_not_taken_for_one_that_wanders() {
+    for boats in [4, 8] {
+        let (times, nees) = twelve(boats, wanders(1e9));
+        assert!(times[0] > 9999.0, "{times:?}");
+        assert!((0.8..1.2).contains(&nees), "{nees}");
+    }
+}
+
+#[test]
+fn jitter_about_an_error_that_stays_is_not_taken_for_one_that_wanders() {
+    for jitter in [0.1, 0.5] {
+        for boats in [2, 4, 8] {
+            let stays = Error { scans: 1e9, jitter };
+            let (times, nees) = twelve(boats, stays);
+            // One in twelve is chance at two standard deviations.
+            assert!(times[1] > 9999.0, "{jitter} {boats}: {times:?}");
+            assert!((0.8..1.2).contains(&nees), "{jitter} {boats}: {nees}");
         }
     }
+}
+
+#[test]
+fn of_one_target_nothing_is_learnt() {
+    let (times, _) = twelve(1, wanders(20.0));
+    assert!(times[0] > 9999.0 && times[11] < 10001.0, "{times:?}");
+}
+
+#[test]
+fn nothing_is_learnt_where_it_is_not_asked_for() {
+    let mut config = MultiTargetConfig::default();
+    config.settings.learn_pose_error_correlation = false;
+    let outcome = follow_with(config, 8, wanders(20.0), 0);
+    assert!((9999.0..10001.0).contains(&outcome.heading_s));
 }
