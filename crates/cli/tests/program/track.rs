@@ -442,7 +442,7 @@ fn a_ferry_in_a_harbour_finds_its_targets() {
     }
 }
 
-/// A laser scanner on a platform whose heading wanders by 3.9 degrees with a correlation time of 2.1 s, of which only the size is told.
+/// A laser scanner on a platform whose heading drifts by 3.9 degrees with a correlation time of 2.1 s, of which only the size is told.
 #[test]
 fn how_long_errors_of_the_heading_last_is_learnt_and_said() {
     let lab = Lab::new();

@@ -4,9 +4,9 @@
 //! have in common from one look to the next is the own ship's. How much more it changes over a longer time than over a shorter one tells
 //! how long the error lasts ([`PoseErrorCorrelation`]), which nobody tells a tracker that gets a pose and its covariance only.
 //!
-//! When not: a convoy that manoeuvres in unison, with no other target in sight, looks like an own ship whose position wanders.
+//! When not: a convoy that manoeuvres in unison, with no other target in sight, looks like an own ship whose position drifts.
 //!
-//! An error that jumps to and fro from scan to scan about one that stays is not taken for one that wanders: such jitter is no larger
+//! An error that jumps to and fro from scan to scan about one that stays is not taken for one that drifts: such jitter is no larger
 //! over two scans than over one. Equations: `docs/derivations/association.md`, section 10.
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix4, Vector2, Vector3, Vector4};

@@ -122,14 +122,14 @@ fn twelve(boats: usize, error: Error) -> (Vec<f64>, f64) {
     (times, nees)
 }
 
-const fn wanders(scans: f64) -> Error {
+const fn drifts(scans: f64) -> Error {
     Error { scans, jitter: 0.0 }
 }
 
 #[test]
-fn an_error_that_wanders_is_found() {
+fn an_error_that_drifts_is_found() {
     for (boats, scans) in [(2, 20.0), (4, 20.0), (8, 20.0), (8, 100.0)] {
-        let (times, nees) = twelve(boats, wanders(scans));
+        let (times, nees) = twelve(boats, drifts(scans));
         let factors = [times[0], times[11]].map(|time| time / (INTERVAL_S * scans));
         assert!(factors[0] > 0.6 && factors[1] < 2.5, "{scans}: {times:?}");
         assert!((0.8..1.3).contains(&nees), "{scans}: {nees}");
@@ -138,22 +138,22 @@ fn an_error_that_wanders_is_found() {
 
 #[test]
 fn what_changes_faster_than_it_can_be_followed_is_not_taken_for_slower_than_it_is_by_much() {
-    let (times, nees) = twelve(4, wanders(5.0));
+    let (times, nees) = twelve(4, drifts(5.0));
     assert!(times[0] > 8.0 && times[11] < 60.0, "{times:?}");
     assert!((0.8..1.3).contains(&nees), "{nees}");
 }
 
 #[test]
-fn an_error_that_stays_is_not_taken_for_one_that_wanders() {
+fn an_error_that_stays_is_not_taken_for_one_that_drifts() {
     for boats in [4, 8] {
-        let (times, nees) = twelve(boats, wanders(1e9));
+        let (times, nees) = twelve(boats, drifts(1e9));
         assert!(times[0] > 9999.0, "{times:?}");
         assert!((0.8..1.2).contains(&nees), "{nees}");
     }
 }
 
 #[test]
-fn jitter_about_an_error_that_stays_is_not_taken_for_one_that_wanders() {
+fn jitter_about_an_error_that_stays_is_not_taken_for_one_that_drifts() {
     for jitter in [0.1, 0.5] {
         for boats in [2, 4, 8] {
             let stays = Error { scans: 1e9, jitter };
@@ -167,7 +167,7 @@ fn jitter_about_an_error_that_stays_is_not_taken_for_one_that_wanders() {
 
 #[test]
 fn of_one_target_nothing_is_learnt() {
-    let (times, _) = twelve(1, wanders(20.0));
+    let (times, _) = twelve(1, drifts(20.0));
     assert!(times[0] > 9999.0 && times[11] < 10001.0, "{times:?}");
 }
 
@@ -175,6 +175,6 @@ fn of_one_target_nothing_is_learnt() {
 fn nothing_is_learnt_where_it_is_not_asked_for() {
     let mut config = MultiTargetConfig::default();
     config.settings.learn_pose_error_correlation = false;
-    let outcome = follow_with(config, 8, wanders(20.0), 0);
+    let outcome = follow_with(config, 8, drifts(20.0), 0);
     assert!((9999.0..10001.0).contains(&outcome.heading_s));
 }
