@@ -195,8 +195,14 @@ impl<T: Scalar> EchoMemory<T> {
         u8::try_from(place).ok()
     }
 
-    /// Takes a target that was seen twice; the scans between the two and the seconds of one, where the sensor is the same.
-    pub(super) fn learn(&mut self, before: &Seen<T>, now: &Seen<T>) -> Option<(u8, T)> {
+    /// Seconds from one scan of a sensor to the next; `None` before a target was seen twice in a row.
+    pub(super) fn interval_s(&self, sensor: u8) -> Option<T> {
+        let sensor = self.sensors.get(usize::from(sensor))?.as_ref()?;
+        (sensor.interval_s > T::zero()).then_some(sensor.interval_s)
+    }
+
+    /// Takes a target that was seen twice by a sensor; from how many scans before, where they are few.
+    pub(super) fn learn(&mut self, before: &Seen<T>, now: &Seen<T>) -> Option<u8> {
         let place = self.sensors.get_mut(usize::from(now.sensor))?;
         if (before.sensor, before.kind) != (now.sensor, now.kind) {
             return None;
@@ -208,7 +214,7 @@ impl<T: Scalar> EchoMemory<T> {
         }
         let apart = dt / sensor.interval_s;
         let nearest = |scans: &u8| (apart - lit(f64::from(*scans))).abs() <= lit(0.5);
-        Some(((1..=FARTHEST_APART).find(nearest)?, sensor.interval_s))
+        (1..=FARTHEST_APART).find(nearest)
     }
 
     /// The numbers, for checks of a saved state.

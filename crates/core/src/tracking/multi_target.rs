@@ -360,13 +360,15 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     fn update(&mut self, scan: &Scan<'_, T>, echo: &Echo<T>) {
         let sensor = self.state.echoes.place(&scan.sensor.noise);
-        let pose = &scan.own_ship.covariance;
         let learns = self.config.settings.learn_pose_error_correlation;
-        let mut together = (learns && pose.trace() > T::zero()).then(|| SeenTogether::new(pose));
+        let mut together = sensor.filter(|_| learns).and_then(|sensor| {
+            let interval_s = self.state.echoes.interval_s(sensor)?;
+            SeenTogether::new(&scan.own_ship.covariance, interval_s)
+        });
         let tracks = self.state.tracks[..self.reach].iter_mut();
         for (slot, marginal) in tracks.zip(&self.marginals) {
             let Some(track) = slot else { continue };
-            let before = track.imm;
+            let before = together.is_some().then_some(track.imm);
             let likeliest = update::update(track, (scan, echo), marginal, &self.config);
             track.confirm(&self.config);
             let Some((detection, innovation)) = likeliest.as_ref().and_then(|l| l.surely()) else {
@@ -381,13 +383,10 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             let Some(mut seen) = seen else { continue };
             let last = track.seen.as_ref();
             let last = last.and_then(|last| Some((last, self.state.echoes.learn(last, &seen)?)));
-            if let Some(together) = &mut together {
+            if let (Some(together), Some(before)) = (&mut together, before) {
                 let states = [&before.estimate().state, &track.estimate().state];
-                let since = last.map(|(last, (scans, _))| (last, scans));
-                let changes = seen.compare(since, (detection, scan), states);
-                if let (Some(changes), Some((_, (_, interval_s)))) = (changes, last) {
-                    together.add(&changes, interval_s);
-                }
+                let changes = seen.compare(last, (detection, scan), states);
+                changes.iter().for_each(|changes| together.add(changes));
             }
             track.seen = Some(seen);
         }

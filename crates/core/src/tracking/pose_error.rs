@@ -111,16 +111,19 @@ impl<T: Scalar> Moments<T> {
 }
 
 impl<T: Scalar> SeenTogether<T> {
-    /// Nothing yet, with this covariance of the pose.
-    pub(super) fn new(pose: &Matrix3<T>) -> Self {
+    /// Nothing yet, with this covariance of the pose and so many seconds between two scans; `None` where the pose is exact.
+    pub(super) fn new(pose: &Matrix3<T>, interval_s: T) -> Option<Self> {
+        if pose.trace() <= T::zero() {
+            return None;
+        }
         let mut position = *pose;
         position.fill_column(2, T::zero());
         position.fill_row(2, T::zero());
         let mut heading = Matrix3::zeros();
         heading[(2, 2)] = pose[(2, 2)];
-        Self {
+        Some(Self {
             targets: 0,
-            interval_s: T::zero(),
+            interval_s,
             pose: [position, heading],
             all: core::array::from_fn(|at| Shown {
                 scans: at + 1,
@@ -128,15 +131,14 @@ impl<T: Scalar> SeenTogether<T> {
                 weights: Matrix3::zeros(),
             }),
             own: Moments::none(),
-        }
+        })
     }
 
-    /// Takes one target, of a sensor with so many seconds between its scans.
-    pub(super) fn add(&mut self, seen: &Changes<T>, interval_s: T) {
+    /// Takes one target.
+    pub(super) fn add(&mut self, seen: &Changes<T>) {
         if !seen.spread.iter().all(|variance| *variance > T::zero()) {
             return;
         }
-        self.interval_s = interval_s;
         self.targets += 1;
         let inverse = Matrix2::from_diagonal(&seen.spread.map(|variance| T::one() / variance));
         let gain = seen.jacobian.transpose() * inverse;

@@ -30,9 +30,11 @@ pub(super) struct Seen<T> {
     pub(super) spread: Vector2<T>,
     /// What the echo's place adds to them where it is new in every scan.
     pub(super) extent: Vector2<T>,
-    /// What is left of it after the update; zero where the own ship's pose is exact.
-    pub(super) left: Vector2<T>,
+    /// What is left of it after the update; not where the own ship's pose is exact.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) left: Option<Vector2<T>>,
     /// How the measured less the expected changed since the last such detection of the same sensor, some scans before.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub(super) change: Option<Change<T>>,
 }
 
@@ -72,7 +74,7 @@ impl<T: Scalar> Seen<T> {
             residual: innovation.residual,
             spread: innovation.covariance.diagonal() - of_pose.diagonal() - of_echo,
             extent,
-            left: Vector2::zeros(),
+            left: None,
             change: None,
         })
     }
@@ -90,11 +92,10 @@ impl<T: Scalar> Seen<T> {
             self.kind.predict(state, scan.own_ship, noise)
         });
         let ((expected, prediction), (left, _)) = (before?, after?);
-        self.left = detection.minus(&left);
+        self.left = Some(detection.minus(&left));
         let (last, scans) = last?;
-        let by = self
-            .kind
-            .difference(&detection.minus(&expected), &last.left);
+        let now = detection.minus(&expected);
+        let by = self.kind.difference(&now, last.left.as_ref()?);
         self.change = Some(Change { by, scans });
         let before = last.change.map(|before| Change {
             by: before.by + by,

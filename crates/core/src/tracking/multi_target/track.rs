@@ -112,10 +112,11 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         let numbers = innovation.residual.iter().chain(&innovation.covariance);
         let seen = self.seen.iter();
         let seen = seen.flat_map(|seen| {
-            let vectors = [&seen.residual, &seen.spread, &seen.extent, &seen.left];
+            let vectors = [&seen.residual, &seen.spread, &seen.extent];
             let change = seen.change.iter().map(|change| &change.by);
             vectors
                 .into_iter()
+                .chain(&seen.left)
                 .chain(change)
                 .flatten()
                 .chain([&seen.time_s])
