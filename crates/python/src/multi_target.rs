@@ -88,13 +88,18 @@ fn scale(sensors: &Sensors) -> PyResult<SensorScale<f64>> {
 
 /// `NAME=VALUE` of an argument; in Python `existence_lifetime_s` is `existence.lifetime_s`.
 fn setting(options: &TrackOptions, name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
-    let number: f64 = value
-        .extract()
-        .map_err(|_| PyTypeError::new_err(format!("{name}={value}: expected a number")))?;
+    let text = if let Ok(flag) = value.extract::<bool>() {
+        flag.to_string()
+    } else {
+        let number: PyResult<f64> = value.extract();
+        number
+            .map_err(|_| PyTypeError::new_err(format!("{name}={value}: expected a number")))?
+            .to_string()
+    };
     let known = options.parameters();
     let meant = known.iter().find(|one| one.name.replace('.', "_") == name);
     let name = meant.map_or(name, |one| &one.name);
-    Ok(format!("{name}={number}"))
+    Ok(format!("{name}={text}"))
 }
 
 impl MultiTarget {
@@ -238,7 +243,10 @@ impl MultiTarget {
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         for used in self.options.parameters() {
-            dict.set_item(used.name, used.value.as_f64())?;
+            match used.value.as_bool() {
+                Some(flag) => dict.set_item(used.name, flag)?,
+                None => dict.set_item(used.name, used.value.as_f64())?,
+            }
         }
         Ok(dict)
     }

@@ -345,6 +345,16 @@ def test_what_a_tracker_cannot_be_made_of() -> None:
         no.MultiTarget(radar, tracker="converted", pose_error_correlation_heading_s=5.0)
     two = no.MultiTarget({"bow": radar, "stern": radar}, existence_lifetime_s=700.0, **{"motion.straight_dwell_s": 9.0})
     assert two.parameters["existence.lifetime_s"] == 700.0 and two.parameters["motion.straight_dwell_s"] == 9.0
+    learns = "learn_pose_error_correlation"
+    assert two.parameters[learns] is True
+    assert no.MultiTarget(radar, learn_pose_error_correlation=False).parameters[learns] is False
+    # Whoever says how long errors last means it; a pickled tracker goes on so.
+    said = no.MultiTarget(radar, pose_error_correlation_heading_s=20.0)
+    assert said.parameters[learns] is False
+    assert pickle.loads(pickle.dumps(said)).parameters == said.parameters
+    assert pickle.loads(pickle.dumps(two)).parameters == two.parameters
+    with pytest.raises(ValueError, match="parameter `gate_sigmas`: `true` does not fit"):
+        no.MultiTarget(radar, gate_sigmas=True)
     assert list(two.sensors) == ["bow", "stern"] and two.sensors["bow"] == radar == pickle.loads(pickle.dumps(radar))
     with pytest.raises(ValueError, match="sensor= is missing: which one looked\\? bow, stern"):
         two.update(0, None, OWN)
