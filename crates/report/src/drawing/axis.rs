@@ -117,11 +117,13 @@ impl Axis {
     }
 
     /// Lowest and highest value.
+    #[cfg(any(test, feature = "interactive"))]
     pub(crate) const fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
     /// Whether equal factors are equally far apart.
+    #[cfg(any(test, feature = "interactive"))]
     pub(crate) const fn is_logarithmic(&self) -> bool {
         self.logarithmic
     }

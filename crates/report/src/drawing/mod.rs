@@ -2,6 +2,7 @@
 
 pub(crate) mod axis;
 pub(crate) mod curves;
+#[cfg(any(test, feature = "interactive"))]
 pub(crate) mod data;
 pub(crate) mod fate;
 pub(crate) mod map;
