@@ -17,7 +17,7 @@ parameters! {
     };
 
     learn_pose_error_correlation: bool, "-", Flag, [true],
-        "whether errors of the own ship's pose last as long as targets seen together show, where they refute the times above",
+        "whether errors of the own ship's pose last as long as targets seen together show, where they refute `pose_error_correlation`",
         "Of a time of 0 nothing is learnt, nor from one target alone.";
     gate_sigmas: T, "-", From(1e-3, 1e6), [3.5],
         "radius of the gate, standard deviations",
