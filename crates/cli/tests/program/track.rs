@@ -463,7 +463,7 @@ fn how_long_errors_of_the_heading_last_is_learnt_and_said() {
     let text = lab.succeeds(&["track", "scenes/pedestrians-0.toml"]);
     contains(
         &text,
-        &["error of the own ship's heading has a correlation time of about 3.8 s"],
+        &["a correlation time of 3.79 s is used for the error of the own ship's heading"],
     );
     let page = lab.succeeds(&["track", "scenes/pedestrians-0.toml", "--report", "p.html"]);
     contains(&page, &["p.html"]);

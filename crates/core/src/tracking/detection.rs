@@ -142,18 +142,15 @@ impl<T: Scalar> Detection<T> {
 
     /// This minus an expected one of its kind, angles wrapped.
     pub(super) fn minus(&self, expected: &Vector2<T>) -> Vector2<T> {
-        match *self {
+        let measured = match *self {
             Self::RangeBearing {
                 range_m,
                 bearing_rad,
-            } => Vector2::new(range_m - expected.x, wrap(bearing_rad - expected.y)),
-            Self::Bearing { bearing_rad } => {
-                Vector2::new(wrap(bearing_rad - expected.x), T::zero())
-            }
-            Self::Position { north_m, east_m } => {
-                Vector2::new(north_m - expected.x, east_m - expected.y)
-            }
-        }
+            } => Vector2::new(range_m, bearing_rad),
+            Self::Bearing { bearing_rad } => Vector2::new(bearing_rad, T::zero()),
+            Self::Position { north_m, east_m } => Vector2::new(north_m, east_m),
+        };
+        self.kind().difference(&measured, expected)
     }
 }
 
@@ -170,7 +167,8 @@ pub enum DetectionKind {
 }
 
 impl DetectionKind {
-    /// One residual less another, angles wrapped.
+    /// One detection of this kind less another, or one residual less another; angles wrapped.
+    #[inline]
     pub(super) fn difference<T: Scalar>(self, a: &Vector2<T>, b: &Vector2<T>) -> Vector2<T> {
         let change = a - b;
         match self {

@@ -12,7 +12,7 @@ use nalgebra::SMatrix;
 
 use super::coordinated_turn::STATES;
 use super::detection::DetectionNoise;
-use super::seen::Seen;
+use super::seen::{FARTHEST_APART, Seen};
 use crate::scalar::{Scalar, lit};
 
 /// Covariance of a target's error with where its echo comes from (north, east), m times the unit of the state.
@@ -30,8 +30,6 @@ const OVERLAP: f64 = 0.5;
 const MEMORY: f64 = 1000.0;
 /// A pair that is so many usual intervals apart has a scan between.
 const MISSED: f64 = 1.5;
-/// Looks at a target with more scans between are not compared.
-const FARTHEST_APART: u8 = 8;
 /// Sensors that are learnt about: those beyond keep their white noise.
 const SENSORS: usize = 4;
 

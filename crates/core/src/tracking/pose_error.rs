@@ -12,6 +12,7 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix4, Vector2, Vector3, Vector4};
 
 use super::own_ship::PoseErrorCorrelation;
+use super::seen::FARTHEST_APART;
 use crate::scalar::{Scalar, lit};
 
 /// Scans that are remembered.
@@ -21,7 +22,7 @@ const CONVINCING: f64 = 2.0;
 /// Part of its variance that one unknown has to have for itself to be told from the others.
 const SINGULAR: f64 = 1e-5;
 /// Changes over at most so many scans are looked at.
-const GAPS: usize = 4;
+const GAPS: usize = FARTHEST_APART as usize;
 
 /// Change of what was measured of a target less what was expected, from one look at it to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +65,7 @@ struct Moments<T> {
 #[derive(Debug, Clone, Copy)]
 struct Shown<T> {
     scans: usize,
+    targets: u32,
     changes: Vector3<T>,
     weights: Matrix3<T>,
 }
@@ -127,6 +129,7 @@ impl<T: Scalar> SeenTogether<T> {
             pose: [position, heading],
             all: core::array::from_fn(|at| Shown {
                 scans: at + 1,
+                targets: 0,
                 changes: Vector3::zeros(),
                 weights: Matrix3::zeros(),
             }),
@@ -146,6 +149,7 @@ impl<T: Scalar> SeenTogether<T> {
         let shown = [Some(seen.since_last), seen.since_before].map(|change| {
             change.map(|change| Shown {
                 scans: usize::from(change.scans),
+                targets: 1,
                 changes: gain * change.by,
                 weights,
             })
@@ -155,6 +159,7 @@ impl<T: Scalar> SeenTogether<T> {
             let Some(all) = a.scans.checked_sub(1).and_then(|at| self.all.get_mut(at)) else {
                 continue;
             };
+            all.targets += 1;
             all.changes += a.changes;
             all.weights += a.weights;
             for b in shown.iter().flatten().filter(|b| b.scans <= GAPS) {
@@ -170,8 +175,9 @@ impl<T: Scalar> SeenTogether<T> {
             return None;
         }
         let mut all = Moments::none();
-        for a in &self.all {
-            for b in &self.all {
+        let shown = || self.all.iter().filter(|shown| shown.targets > 0);
+        for a in shown() {
+            for b in shown() {
                 all.add(a, b, self);
             }
         }
@@ -234,6 +240,9 @@ impl<T: Scalar> PoseErrorMemory<T> {
     fn rates(&self) -> [Option<[T; 2]>; 2] {
         // What is exact causes nothing, and stands aside.
         let known = |a: usize| self.caused[a][a] > T::zero();
+        if !(0..4).any(known) {
+            return [None; 2];
+        }
         let unit = Vector4::from_fn(|a, _| match known(a) {
             true => T::one() / self.caused[a][a].sqrt(),
             false => T::zero(),

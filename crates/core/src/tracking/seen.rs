@@ -10,6 +10,9 @@ use super::multi_target::Scan;
 use super::pose_error::{Change, Changes};
 use crate::scalar::Scalar;
 
+/// Looks at a target from more scans before are not compared with.
+pub(super) const FARTHEST_APART: u8 = 4;
+
 /// A detection of a target, less what was expected of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -22,7 +25,7 @@ use crate::scalar::Scalar;
 )]
 pub(super) struct Seen<T> {
     pub(super) time_s: T,
-    /// Place of the sensor in [`EchoMemory`].
+    /// Place of the sensor in [`super::echo::EchoMemory`].
     pub(super) sensor: u8,
     pub(super) kind: DetectionKind,
     pub(super) residual: Vector2<T>,

@@ -152,8 +152,13 @@ pub fn tgospa(summary: &TrackSummary) -> Option<String> {
 /// A length with three digits.
 #[must_use]
 pub fn metres(length: f64) -> String {
-    let decimals = 2.0 - length.abs().max(1e-3).log10().floor();
-    format!("{length:.*} m", decimals.clamp(0.0, 5.0) as usize)
+    format!("{} m", three_digits(length))
+}
+
+/// A number with three significant digits.
+fn three_digits(number: f64) -> String {
+    let decimals = 2.0 - number.abs().max(1e-3).log10().floor();
+    format!("{number:.*}", decimals.clamp(0.0, 5.0) as usize)
 }
 
 fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
@@ -227,25 +232,19 @@ pub fn learnt(learnt: &Learnt) -> Vec<String> {
     ];
     let errors = errors.into_iter().filter_map(|(of, time_s)| {
         Some(format!(
-            "learnt from targets seen together: the error of the own ship's {of} has a correlation time of about {} s, not that of the setting",
-            two_digits(time_s?)
+            "learnt from targets seen together: a correlation time of {} s is used for the error of the own ship's {of}, not that of the setting",
+            three_digits(time_s?)
         ))
     });
     let echoes = learnt.echoes.iter().map(|echo| {
         format!(
-            "learnt from looks in a row: an echo's place on its target is correlated by {} or more from one look to the next, {} s later ({})",
+            "learnt from looks in a row: an echo's place on its target is taken as correlated by {} from one look to the next, {} s later ({})",
             echo.kept,
-            two_digits(echo.interval_s),
+            three_digits(echo.interval_s),
             echo.sensors.join(", ")
         )
     });
     errors.chain(echoes).collect()
-}
-
-/// A positive number with two significant digits.
-fn two_digits(number: f64) -> String {
-    let decimals = (1.0 - number.log10().floor()).clamp(0.0, 6.0);
-    format!("{number:.0$}", decimals as usize)
 }
 
 /// What the tracker refused or skipped and the reader left out, one sentence each.

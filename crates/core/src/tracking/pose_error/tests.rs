@@ -26,15 +26,17 @@ const RADAR: ScanSensor<f64> = ScanSensor {
 const STD_RAD: f64 = 0.04;
 const INTERVAL_S: f64 = 2.0;
 
-/// The heading's error, in standard deviations: first order with this correlation time in scans, a part of its variance new in every scan.
+/// The error of the heading, or of the position where that has a standard deviation (m), in standard deviations: first order with this correlation time in scans, a part of its variance new in every scan.
 #[derive(Clone, Copy)]
 struct Error {
     scans: f64,
     jitter: f64,
+    position_m: f64,
 }
 
 struct Outcome {
     nees: f64,
+    position_s: f64,
     heading_s: f64,
 }
 
@@ -52,10 +54,16 @@ fn follow_with(
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap();
     let mut draw = || normal.sample(&mut rng);
-    let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(0.0, 0.0, STD_RAD);
+    let position_m = error.position_m;
+    let heading_rad = if position_m > 0.0 { 0.0 } else { STD_RAD };
+    let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(position_m, position_m, heading_rad);
     let mut tracker = MultiTargetTracker::<f64, 3, 16, 8>::new(config).unwrap();
     let kept = (-1.0 / error.scans).exp();
     let mut slow = draw();
+    let mut place_slow = Vector2::zeros();
+    if position_m > 0.0 {
+        place_slow = Vector2::new(draw(), draw());
+    }
     let mut squares = Vec::new();
     for k in 0..400 {
         if k == 300 {
@@ -70,7 +78,12 @@ fn follow_with(
         }
         let time_s = INTERVAL_S * f64::from(k);
         slow = kept * slow + (1.0 - kept * kept).sqrt() * draw();
-        let off = STD_RAD * ((1.0 - error.jitter).sqrt() * slow + error.jitter.sqrt() * draw());
+        let off = heading_rad * ((1.0 - error.jitter).sqrt() * slow + error.jitter.sqrt() * draw());
+        if position_m > 0.0 {
+            place_slow =
+                place_slow * kept + Vector2::new(draw(), draw()) * (1.0 - kept * kept).sqrt();
+        }
+        let own_place = place_slow * position_m;
         let places: Vec<_> = (0..boats)
             .map(|i| {
                 let (s, c) = (1.7 * i as f64 + 0.4).sin_cos();
@@ -82,6 +95,7 @@ fn follow_with(
             .collect();
         let detections: Vec<_> = places
             .iter()
+            .map(|place| place - own_place)
             .map(|place| Detection::RangeBearing {
                 range_m: (place + Vector2::new(draw(), draw())).norm() + 3.0 * draw(),
                 bearing_rad: place.y.atan2(place.x) - off + 0.01 * draw(),
@@ -109,6 +123,7 @@ fn follow_with(
     }
     Outcome {
         nees: squares.iter().sum::<f64>() / squares.len() as f64,
+        position_s: tracker.pose_error_correlation().position_s,
         heading_s: tracker.pose_error_correlation().heading_s,
     }
 }
@@ -123,7 +138,11 @@ fn twelve(boats: usize, error: Error) -> (Vec<f64>, f64) {
 }
 
 const fn drifts(scans: f64) -> Error {
-    Error { scans, jitter: 0.0 }
+    Error {
+        scans,
+        jitter: 0.0,
+        position_m: 0.0,
+    }
 }
 
 #[test]
@@ -156,13 +175,36 @@ fn an_error_that_stays_is_not_taken_for_one_that_drifts() {
 fn jitter_about_an_error_that_stays_is_not_taken_for_one_that_drifts() {
     for jitter in [0.1, 0.5] {
         for boats in [2, 4, 8] {
-            let stays = Error { scans: 1e9, jitter };
+            let stays = Error {
+                jitter,
+                ..drifts(1e9)
+            };
             let (times, nees) = twelve(boats, stays);
             // One in twelve is chance at two standard deviations.
             assert!(times[1] > 9999.0, "{jitter} {boats}: {times:?}");
             assert!((0.8..1.2).contains(&nees), "{jitter} {boats}: {nees}");
         }
     }
+}
+
+#[test]
+fn an_error_of_the_position_that_drifts_is_found_and_one_that_stays_is_not() {
+    let error = |scans| Error {
+        position_m: 12.0,
+        ..drifts(scans)
+    };
+    let times = |scans| {
+        let all = (0..12).map(|seed| follow(6, error(scans), seed));
+        let mut times: Vec<_> = all.map(|outcome| outcome.position_s).collect();
+        times.sort_by(f64::total_cmp);
+        times
+    };
+    let found = times(20.0);
+    let factors = [found[0], found[11]].map(|time| time / (INTERVAL_S * 20.0));
+    assert!(factors[0] > 0.6 && factors[1] < 2.5, "{found:?}");
+    let stays = times(1e9);
+    // Longer than the setting's 300 s may be found, shorter not.
+    assert!(stays[0] > 299.0, "{stays:?}");
 }
 
 #[test]
