@@ -28,10 +28,14 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def places(path: Path, scan: str, who: str | None, north: str, east: str) -> dict[int, dict[str, Place]]:
-    """By scan and number of track or target."""
+def places(
+    path: Path, scan: str, who: str | None, north: str, east: str, *, wanted: str | None = None
+) -> dict[int, dict[str, Place]]:
+    """By scan and number of track or target; where a column tells which rows are wanted, those with a 1."""
     found: dict[int, dict[str, Place]] = defaultdict(dict)
     for row in rows(path):
+        if wanted and row[wanted] != "1":
+            continue
         place = (float(row[north]), float(row[east]))
         found[int(row[scan])].setdefault(row[who] if who else "1", place)
     return found
@@ -42,7 +46,7 @@ def scored(folder: Path, manifest: Path, tracks: Path) -> Iterator[tuple[dict[st
     described = tomllib.loads(manifest.read_text())
     scans, truth = described["scans"], described["truth"]
     used = {name for name, sensor in described["sensors"].items() if sensor.get("used", True)}
-    seen = places(tracks, "scan", "track", "north_m", "east_m")
+    seen = places(tracks, "scan", "track", "north_m", "east_m", wanted="reported")
     true = places(folder / truth["file"], truth["scan"], truth.get("target"), truth["north_m"], truth["east_m"])
     for row in rows(folder / scans["file"]):
         scan = int(row[scans["scan"]])

@@ -34,6 +34,12 @@ impl TargetTrack {
         status_word(self.0.status)
     }
 
+    /// Whether it is told as a target: confirmed, and its target is there more likely than not (`report_existence`).
+    #[getter]
+    fn reported(&self) -> bool {
+        self.0.is_reported
+    }
+
     /// North (m), its rate (m/s), east (m), its rate (m/s), turn rate (rad/s).
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -169,6 +175,13 @@ pub(crate) struct ScanRecord {
     pub(crate) ended: Vec<CoreEndedTrack>,
 }
 
+impl ScanRecord {
+    fn those(&self, wanted: impl Fn(&FollowedTrack) -> bool) -> Vec<TargetTrack> {
+        let those = self.tracks.iter().filter(|track| wanted(track));
+        those.copied().map(TargetTrack).collect()
+    }
+}
+
 #[pymethods]
 impl ScanRecord {
     /// Its stamp, ns.
@@ -198,9 +211,13 @@ impl ScanRecord {
     /// The confirmed ones.
     #[getter]
     fn confirmed(&self) -> Vec<TargetTrack> {
-        let is_confirmed = |track: &&FollowedTrack| track.status == TrackStatus::Confirmed;
-        let confirmed = self.tracks.iter().filter(is_confirmed);
-        confirmed.copied().map(TargetTrack).collect()
+        self.those(|track| track.status == TrackStatus::Confirmed)
+    }
+
+    /// Those of them whose targets are there more likely than not (`report_existence`). The others are kept in case they are seen again.
+    #[getter]
+    fn reported(&self) -> Vec<TargetTrack> {
+        self.those(|track| track.is_reported)
     }
 
     /// The tracks that ended in it, tentative ones too.

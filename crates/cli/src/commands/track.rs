@@ -209,7 +209,8 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
 fn instant(recording: &TrackingRecording, epoch: &TrackEpoch) -> TargetInstant {
     let sensor = recording.sensors.get(epoch.scan.sensor);
     let sensor = sensor.map_or(String::new(), |(name, _)| name.clone());
-    let point = |track: &TrackedTarget| TargetPoint {
+    let point = |(track, is_reported): (&TrackedTarget, bool)| TargetPoint {
+        is_reported,
         track: track.id,
         place_m: track.place,
         velocity_m_s: track.velocity,

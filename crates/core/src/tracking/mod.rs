@@ -59,6 +59,7 @@ pub mod radar;
 pub mod schmidt_kalman;
 mod seen;
 mod update;
+pub mod visibility;
 
 pub use crate::kalman::NavigationPose;
 pub use black_box::BlackBoxSchmidt;

@@ -31,6 +31,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::association::candidates::Association;
 use super::association::clusters::Clusters;
+use super::association::ipda::ExistenceModel;
 use super::association::jipda::associate;
 use super::detection::Detection;
 use super::echo::{Echo, EchoMemory};
@@ -38,8 +39,9 @@ use super::imm::Mode;
 use super::own_ship::{OwnShip, PoseErrorCorrelation};
 use super::pose_error::{PoseErrorMemory, SeenTogether};
 use super::seen::Seen;
+use super::visibility::VisibilityMemory;
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
+use crate::restorable::{InvalidState, Restorable, covariance, expect, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
 /// One scan: everything one sensor reports at one instant.
@@ -120,6 +122,8 @@ pub struct MultiTargetState<T, const M: usize, const N: usize> {
     echoes: EchoMemory<T>,
     #[cfg_attr(feature = "serde", serde(default))]
     pose_error: PoseErrorMemory<T>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    visibility: VisibilityMemory<T>,
 }
 
 /// Time of a scan (s), and the covariance of the pose then.
@@ -157,6 +161,7 @@ impl<T: Scalar, const M: usize, const N: usize> MultiTargetState<T, M, N> {
             counts: self.counts,
             echoes: self.echoes,
             pose_error: self.pose_error,
+            visibility: self.visibility,
         })
     }
 }
@@ -184,6 +189,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
         }
         finite("echoes", state.echoes.numbers())?;
         finite("error of the pose", state.pose_error.numbers())?;
+        not_negative("visibility of targets", state.visibility.numbers())?;
         self.state = state;
         self.reach = N;
         self.shorten();
@@ -208,6 +214,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
                 counts: TrackerCounts::default(),
                 echoes: EchoMemory::default(),
                 pose_error: PoseErrorMemory::default(),
+                visibility: VisibilityMemory::default(),
             },
             reach: 0,
             weights: [Association::missed(T::one()); N],
@@ -250,6 +257,16 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         let usual = &self.config.settings.pose_error_correlation;
         if self.config.settings.learn_pose_error_correlation {
             self.state.pose_error.correlation(usual)
+        } else {
+            *usual
+        }
+    }
+
+    /// How targets appear, hide and disappear: the setting, with how often they hide as learnt so far.
+    pub fn existence_model(&self) -> ExistenceModel<T> {
+        let usual = &self.config.settings.existence;
+        if self.config.settings.learn_visibility {
+            self.state.visibility.model(usual)
         } else {
             *usual
         }
@@ -332,10 +349,11 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             correlation.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
         let echo_kept = self.state.echoes.kept(dt);
+        let existence = self.existence_model();
         for track in self.state.tracks[..self.reach].iter_mut().flatten() {
             let models = &self.config.models;
             track.imm.predict(models, dt, &kept, echo_kept);
-            track.existence.predict(&self.config.settings.existence, dt);
+            track.existence.predict(&existence, dt);
             track.age_s += dt;
             track.silent_s += dt;
         }
@@ -369,6 +387,12 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         for (slot, marginal) in tracks.zip(&self.marginals) {
             let Some(track) = slot else { continue };
             let before = together.is_some().then_some(track.imm);
+            if scan.sensor.covers_all
+                && marginal.is_seen()
+                && track.status == TrackStatus::Confirmed
+            {
+                self.state.visibility.seen(track.silent_s, &track.existence);
+            }
             let likeliest = update::update(track, (scan, echo), marginal, &self.config);
             track.confirm(&self.config);
             let Some((detection, innovation)) = likeliest.as_ref().and_then(|l| l.surely()) else {

@@ -1,4 +1,4 @@
-//! One instant of a tracking run: what was seen, the confirmed tracks, and the truth.
+//! One instant of a tracking run: what was seen, the tracks, and the truth.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,9 @@ use nalgebra::{Matrix2, Vector2};
 use northing_core::kalman::Innovation;
 use northing_core::tracking::association::candidates::Association;
 use northing_core::tracking::coordinated_turn::TargetCovariance;
-use northing_core::tracking::multi_target::{EndedTrack, Track, TrackEnd, TrackStatus};
+use northing_core::tracking::multi_target::{
+    EndedTrack, MultiTargetSettings, Track, TrackEnd, TrackStatus,
+};
 use serde::{Deserialize, Serialize};
 
 use super::matching::Place;
@@ -14,7 +16,7 @@ use super::matching::Place;
 /// Motion models of the tracker.
 pub(super) const MODELS: usize = 3;
 
-/// A confirmed track at one instant.
+/// The target of a track at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackedTarget {
     /// Number of the track.
@@ -69,6 +71,8 @@ pub struct FollowedTrack {
     pub target: TrackedTarget,
     /// Whether it is confirmed.
     pub status: TrackStatus,
+    /// Whether it is told as a target: see [`Track::is_reported`].
+    pub is_reported: bool,
     /// Seconds since it began.
     pub age_s: f64,
     /// Seconds since a detection probably came from it.
@@ -78,10 +82,15 @@ pub struct FollowedTrack {
 }
 
 impl FollowedTrack {
-    pub(super) fn new(track: &Track<f64, MODELS>, association: TargetAssociation) -> Self {
+    pub(super) fn new(
+        track: &Track<f64, MODELS>,
+        association: TargetAssociation,
+        settings: &MultiTargetSettings<f64>,
+    ) -> Self {
         Self {
             target: TrackedTarget::new(track, association),
             status: track.status,
+            is_reported: track.is_reported(settings),
             age_s: track.age_s,
             silent_s: track.silent_s,
             innovation: track.innovation,
@@ -164,13 +173,14 @@ pub struct EpochScan {
 }
 
 impl TrackEpoch {
-    /// The confirmed tracks of which the instant says something.
-    pub fn updated_tracks(&self) -> impl Iterator<Item = &TrackedTarget> {
-        let is_updated = |track: &&TrackedTarget| match &self.updated {
+    /// The confirmed tracks of which the instant says something, each with whether it is reported.
+    pub fn updated_tracks(&self) -> impl Iterator<Item = (&TrackedTarget, bool)> {
+        let reported = self.tracks.iter().map(|track| (track, true));
+        let all = reported.chain(self.doubtful.iter().map(|track| (track, false)));
+        all.filter(|(track, _)| match &self.updated {
             Some(updated) => updated.contains(&track.id),
             None => true,
-        };
-        self.tracks.iter().filter(is_updated)
+        })
     }
 }
 
@@ -185,8 +195,10 @@ pub struct TrackEpoch {
     pub own_ship: Place,
     /// Where the detections are, when they say it.
     pub detections: Vec<Place>,
-    /// Confirmed tracks.
+    /// Reported tracks: confirmed, and their targets are there more likely than not.
     pub tracks: Vec<TrackedTarget>,
+    /// Confirmed tracks whose targets have more likely left: kept, in case they are seen again, and neither shown nor scored.
+    pub doubtful: Vec<TrackedTarget>,
     /// The last scan of the instant.
     pub scan: EpochScan,
     /// Numbers of the tracks with a detection in their gate, where every sensor of the instant sees only now and then (`covers_all = false`), as

@@ -45,6 +45,7 @@ pub struct TrackOptions {
 /// Names of the motion models' parameters begin so.
 pub(super) const MOTION: &str = "motion.";
 const LEARN_CORRELATION: &str = "learn_pose_error_correlation";
+const LEARN_VISIBILITY: &str = "learn_visibility";
 
 impl TrackOptions {
     fn tables(&mut self) -> Tables<'_> {
@@ -69,10 +70,14 @@ impl TrackOptions {
                     .to_owned(),
             });
         }
-        // Whoever says how long errors last means it.
+        // Whoever says how long something lasts means it.
         if lasts && !self.origins.contains_key(LEARN_CORRELATION) {
             self.settings.learn_pose_error_correlation = false;
             self.origins.insert(LEARN_CORRELATION.to_owned(), origin);
+        }
+        if name == "existence.visible_s" && !self.origins.contains_key(LEARN_VISIBILITY) {
+            self.settings.learn_visibility = false;
+            self.origins.insert(LEARN_VISIBILITY.to_owned(), origin);
         }
         self.origins.insert(name, origin);
         Ok(())

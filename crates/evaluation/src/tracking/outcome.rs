@@ -100,6 +100,8 @@ pub struct TrackSummary {
 /// What a tracker learnt from its detections.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Learnt {
+    /// Mean time that targets are taken to stay visible, s, where that is not the setting.
+    pub visible_s: Option<f64>,
     /// How long errors of the own ship's position last, s, where that is not the setting.
     pub position_error_s: Option<f64>,
     /// The same of the heading.

@@ -191,6 +191,7 @@ impl Runner {
                 own_ship: [self.own.north_m, self.own.east_m],
                 detections: Vec::new(),
                 tracks: Vec::new(),
+                doubtful: Vec::new(),
                 scan: which,
                 updated: Some(BTreeSet::new()),
                 ended: Vec::new(),
@@ -202,12 +203,13 @@ impl Runner {
         epoch
             .detections
             .extend(detections.iter().filter_map(|d| placed(d, &self.own)));
-        epoch.tracks = self.tracker.confirmed();
+        [epoch.tracks, epoch.doubtful] = self.tracker.confirmed();
         if sensor.covers_all {
             epoch.updated = None;
         }
         if let Some(updated) = &mut epoch.updated {
-            let seen = epoch.tracks.iter().filter(|t| t.association.in_gate > 0);
+            let all = epoch.tracks.iter().chain(&epoch.doubtful);
+            let seen = all.filter(|track| track.association.in_gate > 0);
             updated.extend(seen.map(|track| track.id));
         }
         epoch.scan = which;

@@ -2,6 +2,7 @@
 
 use northing_core::Restorable;
 use northing_core::tracking::association::candidates::Association;
+use northing_core::tracking::association::ipda::ExistenceModel;
 use northing_core::tracking::detection::DetectionNoise;
 use northing_core::tracking::echo::{EchoMemory, SensorEchoes};
 use northing_core::tracking::multi_target::{
@@ -75,25 +76,29 @@ impl ScanTracker {
     pub fn tracks(&self) -> Vec<FollowedTrack> {
         let mut all = Vec::new();
         self.room.each(&mut |track, association| {
-            all.push(FollowedTrack::new(
-                track,
-                TargetAssociation::of(association),
-            ));
+            let association = TargetAssociation::of(association);
+            let settings = &self.config.settings;
+            all.push(FollowedTrack::new(track, association, settings));
         });
         all
     }
 
-    /// The targets of the confirmed ones.
+    /// The targets of the confirmed ones: of those that are reported, then of those that are only kept.
     #[must_use]
-    pub fn confirmed(&self) -> Vec<TrackedTarget> {
-        let mut all = Vec::new();
+    pub fn confirmed(&self) -> [Vec<TrackedTarget>; 2] {
+        let [mut reported, mut doubtful] = [Vec::new(), Vec::new()];
         self.room.each(&mut |track, association| {
             if track.status == TrackStatus::Confirmed {
+                let all = if track.is_reported(&self.config.settings) {
+                    &mut reported
+                } else {
+                    &mut doubtful
+                };
                 let association = TargetAssociation::of(association);
                 all.push(TrackedTarget::new(track, association));
             }
         });
-        all
+        [reported, doubtful]
     }
 
     /// The tracks that ended in the last scan, tentative ones too.
@@ -125,7 +130,9 @@ impl ScanTracker {
             kept: echo.kept(),
             interval_s: echo.interval_s,
         };
+        let stays = self.room.existence_model().visible_s;
         Learnt {
+            visible_s: other(stays, self.config.settings.existence.visible_s),
             position_error_s: other(found.position_s, usual.position_s),
             heading_error_s: other(found.heading_s, usual.heading_s),
             echoes: lasting.map(name).collect(),
@@ -163,6 +170,7 @@ trait Room: Send + Sync {
     fn ended(&self) -> Vec<EndedTrack>;
     fn counts(&self) -> &TrackerCounts;
     fn pose_error_correlation(&self) -> PoseErrorCorrelation<f64>;
+    fn existence_model(&self) -> ExistenceModel<f64>;
     fn echoes(&self) -> &EchoMemory<f64>;
     fn save(&self) -> Result<Value, EvaluationError>;
     /// The same with the largest room.
@@ -194,6 +202,10 @@ impl<const N: usize> Room for Tracker<N> {
 
     fn pose_error_correlation(&self) -> PoseErrorCorrelation<f64> {
         Self::pose_error_correlation(self)
+    }
+
+    fn existence_model(&self) -> ExistenceModel<f64> {
+        Self::existence_model(self)
     }
 
     fn echoes(&self) -> &EchoMemory<f64> {

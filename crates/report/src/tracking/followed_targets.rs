@@ -244,7 +244,13 @@ pub fn learnt(learnt: &Learnt) -> Vec<String> {
             echo.sensors.join(", ")
         )
     });
-    errors.chain(echoes).collect()
+    let visible = learnt.visible_s.map(|time_s| {
+        format!(
+            "learnt from tracks: a target is taken to stay visible for {} s on average, not as long as the setting says",
+            three_digits(time_s)
+        )
+    });
+    errors.chain(echoes).chain(visible).collect()
 }
 
 /// What the tracker refused or skipped and the reader left out, one sentence each.

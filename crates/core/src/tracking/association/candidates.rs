@@ -2,7 +2,7 @@
 //!
 //! Equations: `docs/derivations/association.md`, section 5 (J1).
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 
 /// A detection in a target's gate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +45,11 @@ impl<T: Scalar, const D: usize> Association<T, D> {
     /// The detections in the gate, in the order of the scan.
     pub fn candidates(&self) -> &[Candidate<T>] {
         &self.candidates[..self.len]
+    }
+
+    /// Whether the target probably caused one of them. Out only.
+    pub(in crate::tracking) fn is_seen(&self) -> bool {
+        self.missed < lit(0.5)
     }
 
     pub(super) fn candidates_mut(&mut self) -> &mut [Candidate<T>] {

@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `r` | [`Existence::existence`] |
 //! | `v` | [`Existence::visibility`], given that the target exists |
+//! | `u` | [`Existence::unbroken`], given that the target exists |
 //! | `P_D` | detection probability of a visible target, gate included |
 
 use crate::parameters::parameters;
@@ -20,11 +21,21 @@ use crate::scalar::{Scalar, lit};
 /// Probabilities of a target's existence and visibility.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct Existence<T> {
     /// Probability that there is a target.
     pub existence: T,
     /// Probability that the sensor can see it, if there is one.
     pub visibility: T,
+    /// Probability that the sensor could see it ever since it did so last, if there is one; no more than `visibility`.
+    #[cfg_attr(feature = "serde", serde(default = "T::one"))]
+    pub unbroken: T,
 }
 
 parameters! {
@@ -40,7 +51,16 @@ parameters! {
 }
 
 impl<T: Scalar> Existence<T> {
-    /// Lets `dt` seconds pass (E1, E2).
+    /// Of a target that was detected just now, with this probability that there is one.
+    pub fn seen(existence: T) -> Self {
+        Self {
+            existence,
+            visibility: T::one(),
+            unbroken: T::one(),
+        }
+    }
+
+    /// Lets `dt` seconds pass (E1, E2, E6).
     pub fn predict(&mut self, model: &ExistenceModel<T>, dt: T) {
         self.existence *= (-dt / model.lifetime_s).exp();
         if model.hidden_s > T::zero() {
@@ -48,8 +68,10 @@ impl<T: Scalar> Existence<T> {
             let stationary = enter / (enter + leave);
             let fade = (-(enter + leave) * dt).exp();
             self.visibility = stationary + (self.visibility - stationary) * fade;
+            self.unbroken *= (-leave * dt).exp();
         } else {
             self.visibility = T::one();
+            self.unbroken = T::one();
         }
     }
 
@@ -58,7 +80,12 @@ impl<T: Scalar> Existence<T> {
         self.existence * self.visibility * detection_probability
     }
 
-    /// Weighs in a scan (E4, E5): `missed` is the probability that none of the detections came from the
+    /// Probability that a target which is detected now had not been hidden since it was last seen (E6).
+    pub fn was_visible(&self) -> T {
+        (self.unbroken / self.visibility.max(lit(1e-30))).min(T::one())
+    }
+
+    /// Weighs in a scan (E4 to E6): `missed` is the probability that none of the detections came from the
     /// target, whether it exists or not.
     pub fn update(&mut self, detection_probability: T, missed: T) {
         let caused = (T::one() - missed).max(T::zero());
@@ -67,12 +94,15 @@ impl<T: Scalar> Existence<T> {
         let unseen = self.visibility * detection_probability;
         // given no detection: still there, and still visible
         let there = self.existence * (T::one() - unseen) / silent.max(tiny);
-        let visible =
-            self.visibility * (T::one() - detection_probability) / (T::one() - unseen).max(tiny);
+        let kept = (T::one() - detection_probability) / (T::one() - unseen).max(tiny);
         let existence = missed * there + caused;
-        let visibility = (missed * there * visible + caused) / existence.max(tiny);
+        let share = |visible: T| {
+            let visible = missed * there * visible * kept + caused;
+            (visible / existence.max(tiny)).min(T::one())
+        };
+        self.visibility = share(self.visibility);
+        self.unbroken = share(self.unbroken);
         self.existence = existence.min(T::one());
-        self.visibility = visibility.min(T::one());
     }
 }
 
@@ -89,10 +119,7 @@ mod tests {
 
     #[test]
     fn a_miss_lowers_existence_as_bayes_says() {
-        let mut e = Existence {
-            existence: 0.5,
-            visibility: 1.0,
-        };
+        let mut e = Existence::seen(0.5);
         e.update(0.8, 1.0);
         assert_relative_eq!(e.existence, 0.5 * 0.2 / (0.5 * 0.2 + 0.5), epsilon = 1e-12);
     }
@@ -105,10 +132,7 @@ mod tests {
         let expected = (1.0 - delta) * r / (1.0 - delta * r);
         let miss = 1.0 - pd * r;
         let hit = pd * r * ratio;
-        let mut e = Existence {
-            existence: r,
-            visibility: 1.0,
-        };
+        let mut e = Existence::seen(r);
         e.update(pd, miss / (miss + hit));
         assert_relative_eq!(e.existence, expected, epsilon = 1e-12);
     }
@@ -121,10 +145,7 @@ mod tests {
             ..ALWAYS
         };
         let run = |model: &ExistenceModel<f64>| {
-            let mut e = Existence {
-                existence: 0.99,
-                visibility: 1.0,
-            };
+            let mut e = Existence::seen(0.99);
             for _ in 0..5 {
                 e.predict(model, 1.0);
                 e.update(0.9, 1.0);
@@ -137,6 +158,47 @@ mod tests {
     }
 
     #[test]
+    fn whether_it_was_hidden_is_what_all_ways_through_the_gap_say() {
+        // Visible or hidden in each scan of a gap: every way by itself.
+        let model = ExistenceModel {
+            visible_s: 20.0,
+            hidden_s: 4.0,
+            ..ALWAYS
+        };
+        let (leave, enter) = (1.0_f64 / 20.0, 1.0 / 4.0);
+        let pd = 0.7;
+        for misses in 0..6 {
+            let mut e = Existence::seen(1.0);
+            for _ in 0..misses {
+                e.predict(&model, 1.0);
+                e.update(pd, 1.0);
+            }
+            e.predict(&model, 1.0);
+            // In one second of the chain, however often it changes in it.
+            let fade = (-(leave + enter)).exp();
+            let back = enter / (leave + enter) * (1.0 - fade);
+            let hide = leave / (leave + enter) * (1.0 - fade);
+            let stay = (-leave).exp();
+            let mut ways = [1.0, 0.0, 0.0]; // never hidden, hidden, seen again
+            let step = |[never, hidden, again]: [f64; 3]| {
+                let returned = never * (1.0 - hide - stay);
+                let now = never * hide + hidden * (1.0 - back) + again * hide;
+                [
+                    never * stay,
+                    now,
+                    again * (1.0 - hide) + hidden * back + returned,
+                ]
+            };
+            for _ in 0..misses {
+                let [never, hidden, again] = step(ways);
+                ways = [never * (1.0 - pd), hidden, again * (1.0 - pd)];
+            }
+            let [never, _, again] = step(ways);
+            assert_relative_eq!(e.was_visible(), never / (never + again), epsilon = 1e-12);
+        }
+    }
+
+    #[test]
     fn visibility_ends_at_its_stationary_share() {
         let model = ExistenceModel {
             visible_s: 30.0,
@@ -144,8 +206,9 @@ mod tests {
             ..ALWAYS
         };
         let mut e = Existence {
-            existence: 1.0,
             visibility: 0.0,
+            unbroken: 0.0,
+            ..Existence::seen(1.0)
         };
         e.predict(&model, 1e3);
         assert_relative_eq!(e.visibility, 0.75, epsilon = 1e-9);

@@ -19,6 +19,9 @@ parameters! {
     learn_pose_error_correlation: bool, "-", Flag, [true],
         "whether errors of the own ship's pose last as long as targets seen together show, where they refute `pose_error_correlation`",
         "Of a time of 0 nothing is learnt, nor from one target alone.";
+    learn_visibility: bool, "-", Flag, [true],
+        "whether targets hide as rarely, or as often, as their tracks show; `existence.visible_s` is where that begins",
+        "Nothing is learnt where `existence.hidden_s` is 0.";
     gate_sigmas: T, "-", From(1e-3, 1e6), [3.5],
         "radius of the gate, standard deviations",
         "Raising it loses fewer manoeuvring targets and lets in more clutter.";
@@ -32,6 +35,9 @@ parameters! {
         "Raising it finds faster targets, and more false tracks.";
     confirm_existence: T, "-", From(0.0, 1.0), [0.99],
         "existence at which a track is confirmed";
+    report_existence: T, "-", From(0.0, 1.0), [0.5],
+        "existence below which a confirmed track is kept, but not reported: its target has more likely left than not",
+        "Raising it reports fewer targets that have left, and fewer that hide.";
     delete_existence: T, "-", From(0.0, 1.0), [0.02],
         "existence below which a tentative track is removed";
     delete_confirmed_existence: T, "-", From(0.0, 1.0), [0.02],

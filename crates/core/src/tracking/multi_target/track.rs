@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, SMatrix, Vector2};
 
-use super::{MultiTargetConfig, Scan};
+use super::{MultiTargetConfig, MultiTargetSettings, Scan};
 use crate::kalman::covariance::normalized_square;
 use crate::kalman::innovation::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, covariance, finite, not_negative};
@@ -105,8 +105,9 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         let Existence {
             existence,
             visibility,
+            unbroken,
         } = &self.existence;
-        not_negative("existence of a track", [existence, visibility])?;
+        not_negative("existence of a track", [existence, visibility, unbroken])?;
         not_negative("age of a track", [&self.age_s, &self.silent_s])?;
         let innovation = &self.innovation;
         let numbers = innovation.residual.iter().chain(&innovation.covariance);
@@ -123,6 +124,13 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         });
         finite("last detection of a track", seen)?;
         finite("innovation of a track", numbers.chain([&innovation.nis]))
+    }
+
+    /// Whether it is told as a target: confirmed, and its target is there more likely than not (`report_existence`). A confirmed
+    /// track that is not may be seen again, with its number.
+    pub fn is_reported(&self, settings: &MultiTargetSettings<T>) -> bool {
+        self.status == TrackStatus::Confirmed
+            && self.existence.existence >= settings.report_existence
     }
 
     /// Distance from the own ship, m.
@@ -235,10 +243,7 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
     imm.is_valid().then_some(Track {
         id,
         status: TrackStatus::Tentative,
-        existence: Existence {
-            existence: config.settings.birth_existence,
-            visibility: T::one(),
-        },
+        existence: Existence::seen(config.settings.birth_existence),
         imm,
         age_s: T::zero(),
         silent_s: T::zero(),

@@ -157,7 +157,7 @@ pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
         T::zero()
     };
     track.existence.update(pd_missed, marginal.missed);
-    if marginal.missed < lit(0.5) {
+    if marginal.is_seen() {
         track.silent_s = T::zero();
     }
     let before = track.imm;

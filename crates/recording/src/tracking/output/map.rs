@@ -116,7 +116,7 @@ impl TargetOutput for Map {
         for target in &instant.targets {
             let point = self.point(instant.time_ns, target);
             let line = self.lines.entry(target.track).or_default();
-            line.points.push(point);
+            line.points.extend(target.is_reported.then_some(point));
             line.end.clone_from(&target.end);
         }
         Ok(())

@@ -96,7 +96,7 @@ fn fix(time_ns: i64, target: &TargetPoint, plane: &LocalPlane) -> TrackPoint {
 
 impl TargetOutput for Messages {
     fn instant(&mut self, instant: &TargetInstant) -> Result<()> {
-        let mut each = instant.targets.iter();
+        let mut each = instant.targets.iter().filter(|target| target.is_reported);
         each.try_for_each(|target| self.target(instant.time_ns, target))
     }
 

@@ -53,6 +53,8 @@ pub struct TargetPoint {
     pub detection: Option<(u32, f64)>,
     /// Probability that the target caused none.
     pub missed_probability: f64,
+    /// Whether its target is there more likely than not: other tracks are only kept, in case they are seen again.
+    pub is_reported: bool,
     /// Why the track ended after this instant, if it did.
     pub end: Option<String>,
 }

@@ -25,7 +25,7 @@ pub(super) enum Cell<'a> {
 use Type::{Number, Text, Whole};
 
 /// Names and types; the places on the Earth come behind where they are known.
-pub(super) const COLUMNS: [(&str, Type); 36] = [
+pub(super) const COLUMNS: [(&str, Type); 37] = [
     ("t_s", Number),
     ("track", Whole),
     ("north_m", Number),
@@ -50,6 +50,7 @@ pub(super) const COLUMNS: [(&str, Type); 36] = [
     ("cov_vel_e_turn_m_rad_s2", Number),
     ("existence", Number),
     ("visibility", Number),
+    ("reported", Whole),
     ("model_straight", Number),
     ("model_turning", Number),
     ("model_manoeuvring", Number),
@@ -100,6 +101,7 @@ pub(super) fn cells<'a>(
     out.push(Cell::Number(target.turn_rate_rad_s));
     out.extend([4, 0, 2, 1, 3].map(|row| Cell::Number(p[row][4])));
     out.extend([target.existence, target.visibility].map(Cell::Number));
+    out.push(Cell::Whole(Some(target.is_reported.into())));
     out.extend(target.models.map(Cell::Number));
     out.push(Cell::Text(&target.sensor));
     out.push(Cell::Whole(target.scan));

@@ -75,7 +75,8 @@ impl Sentences {
 
     fn target(&mut self, instant: &TargetInstant, target: &TargetPoint) -> Result<()> {
         let number = target.track % 100;
-        let status = if target.end.is_some() { 'L' } else { 'T' };
+        let is_lost = target.end.is_some() || !target.is_reported;
+        let status = if is_lost { 'L' } else { 'T' };
         let time = utc(instant.time_ns).map_or(String::new(), |time| time_of_day(&time));
         let way = [0, 1].map(|i| target.place_m[i] - instant.own_place_m[i]);
         let mut text = format!("RATTM,{number:02},");
