@@ -40,7 +40,7 @@ def row(time_ns: int, track: no.TargetTrack) -> dict[str, Any]:
     cells: dict[str, Any] = {"t_s": time_ns * 1e-9, "track": track.id}
     cells |= {name: track.state[place] for name, place in PLACES.items()}
     cells |= {name: track.covariance[place] for name, place in COVARIANCES.items()}
-    cells |= {"existence": track.existence, "visibility": track.visibility}
+    cells |= {"existence": track.existence, "visibility": track.visibility, "reported": int(track.reported)}
     cells |= dict(zip(("model_straight", "model_turning", "model_manoeuvring"), track.models, strict=True))
     cells |= {"detections_in_gate": track.detections_in_gate, "detection": track.detection}
     cells |= {"detection_probability": track.detection_probability, "missed_probability": track.missed_probability}

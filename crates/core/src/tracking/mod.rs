@@ -44,6 +44,7 @@ pub mod constant_velocity;
 pub mod converted_measurement;
 pub mod coordinated_turn;
 pub mod detection;
+pub mod dwell_time;
 pub mod echo;
 mod expected_detection;
 pub mod imm;

@@ -351,11 +351,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         let echo_kept = self.state.echoes.kept(dt);
         let existence = self.existence_model();
         for track in self.state.tracks[..self.reach].iter_mut().flatten() {
-            let models = &self.config.models;
-            track.imm.predict(models, dt, &kept, echo_kept);
-            track.existence.predict(&existence, dt);
-            track.age_s += dt;
-            track.silent_s += dt;
+            track.predict(&self.config, &existence, dt, (&kept, echo_kept));
         }
         self.state.last = Some(LastScan {
             time_s: scan.time_s,

@@ -379,6 +379,9 @@ class TargetTrack:
     def existence(self) -> float:
         """Probability that there is a target."""
     @property
+    def reported(self) -> bool:
+        """Whether it is told as a target: confirmed, and its target is there more likely than not (`report_existence`)."""
+    @property
     def visibility(self) -> float:
         """Probability that the sensor can see it, if there is one."""
     @property
@@ -432,6 +435,9 @@ class ScanRecord:
         """Every track after it, tentative ones too."""
     @property
     def confirmed(self) -> list[TargetTrack]: ...
+    @property
+    def reported(self) -> list[TargetTrack]:
+        """The confirmed ones whose targets are there more likely than not; the others are kept in case they are seen again."""
     @property
     def ended(self) -> list[EndedTrack]:
         """The tracks that ended in it, tentative ones too."""

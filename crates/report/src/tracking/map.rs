@@ -121,6 +121,7 @@ mod tests {
             time_s,
             own_ship: [0.0, 0.0],
             detections: vec![[100.0 + time_s, 50.0], [1e9, 0.0]],
+            doubtful: Vec::new(),
             tracks: vec![TrackedTarget {
                 id: 3,
                 place: [101.0 + time_s, 50.0],

@@ -1,15 +1,16 @@
 //! One track: its start from a single detection, and when it is confirmed, over, or a duplicate.
 
-use nalgebra::{Matrix2, Matrix2x3, SMatrix, Vector2};
+use nalgebra::{Matrix2, Matrix2x3, SMatrix, Vector2, Vector3};
 
 use super::{MultiTargetConfig, MultiTargetSettings, Scan};
 use crate::kalman::covariance::normalized_square;
 use crate::kalman::innovation::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, covariance, finite, not_negative};
 use crate::scalar::{Scalar, lit};
-use crate::tracking::association::ipda::Existence;
+use crate::tracking::association::ipda::{Existence, ExistenceModel};
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, Detection};
+use crate::tracking::dwell_time::DwellTime;
 use crate::tracking::echo::{Echo, EchoCovariance};
 use crate::tracking::imm::{Imm, Mode};
 use crate::tracking::own_ship::OwnShip;
@@ -80,6 +81,9 @@ pub struct Track<T, const M: usize> {
     pub silent_s: T,
     /// The last update: the likeliest detection under the likeliest model, or why there was none.
     pub innovation: Innovation<T>,
+    /// How long it stays in the straight model.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) dwell: DwellTime<T>,
     /// The last detection that was surely its own.
     #[cfg_attr(feature = "serde", serde(default))]
     pub(super) seen: Option<Seen<T>>,
@@ -109,6 +113,7 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         } = &self.existence;
         not_negative("existence of a track", [existence, visibility, unbroken])?;
         not_negative("age of a track", [&self.age_s, &self.silent_s])?;
+        self.dwell.check()?;
         let innovation = &self.innovation;
         let numbers = innovation.residual.iter().chain(&innovation.covariance);
         let seen = self.seen.iter();
@@ -131,6 +136,46 @@ impl<T: Scalar, const M: usize> Track<T, M> {
     pub fn is_reported(&self, settings: &MultiTargetSettings<T>) -> bool {
         self.status == TrackStatus::Confirmed
             && self.existence.existence >= settings.report_existence
+    }
+
+    /// Lets `dt` seconds pass; the shares of the own ship's errors and of the echo's place that are still there are those of [`Imm::predict`].
+    pub(super) fn predict(
+        &mut self,
+        config: &MultiTargetConfig<T, M>,
+        existence: &ExistenceModel<T>,
+        dt: T,
+        (kept, echo_kept): (&Vector3<T>, T),
+    ) {
+        let mut models = config.models;
+        if let (true, Some(straight)) =
+            (config.settings.learn_manoeuvres, models.dwell_s.first_mut())
+        {
+            *straight = self
+                .dwell
+                .predict(*straight, self.imm.modes[0].probability, dt);
+        }
+        self.imm.predict(&models, dt, kept, echo_kept);
+        self.existence.predict(existence, dt);
+        self.age_s += dt;
+        self.silent_s += dt;
+    }
+
+    /// Learns from what a scan did to the probabilities of the models, which were `before` until then.
+    pub(super) fn learn_manoeuvres(
+        &mut self,
+        config: &MultiTargetConfig<T, M>,
+        before: &Imm<T, M>,
+    ) {
+        let likelier: [T; M] = core::array::from_fn(|m| {
+            let [was, is] = [before, &self.imm].map(|imm| imm.modes[m].probability);
+            if was > T::zero() { is / was } else { T::one() }
+        });
+        if let (true, Some(straight)) = (
+            config.settings.learn_manoeuvres,
+            config.models.dwell_s.first(),
+        ) {
+            self.dwell.learn(*straight, &likelier);
+        }
     }
 
     /// Distance from the own ship, m.
@@ -248,6 +293,7 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
         age_s: T::zero(),
         silent_s: T::zero(),
         innovation: Innovation::skipped(SkipReason::NotInitialized),
+        dwell: DwellTime::default(),
         seen: None,
     })
 }

@@ -183,6 +183,7 @@ pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
         update.apply(mode, mode.probability);
         mode.probability /= total;
     }
+    track.learn_manoeuvres(config, &before);
     track.innovation = record(gathered.best.as_ref().map(|best| best.innovation));
     gathered.best
 }

@@ -122,7 +122,8 @@ impl TargetOutput for Map {
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<()> {
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        self.lines.retain(|_, line| !line.points.is_empty());
         if self.kml {
             return self.write_kml();
         }

@@ -33,6 +33,7 @@ fn instant(k: i64) -> TargetInstant {
             detections_in_gate: 2,
             detection: (k > 0).then_some((3, 0.875)),
             missed_probability: 0.125,
+            is_reported: true,
             ..TargetPoint::default()
         }],
     }
@@ -56,6 +57,44 @@ fn written(name: &str, plane: Option<&LocalPlane>) -> (tempfile::TempDir, PathBu
     writer.instant(nothing, &ended).unwrap();
     writer.finish().unwrap();
     (folder, path)
+}
+
+/// Only the first of two instants is one of a target that is there more likely than not; then the track ends.
+fn doubtful(name: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    let mut writer = TargetWriter::create(&path, "bay", Some(&PLANE), false).unwrap();
+    let mut last = instant(1);
+    last.targets[0].is_reported = false;
+    let mut never = last.targets[0].clone();
+    never.track = 118;
+    last.targets.push(never);
+    writer.instant(instant(0), &[]).unwrap();
+    writer.instant(last, &[]).unwrap();
+    let ended = [(117, "existence".to_owned())];
+    writer.instant(TargetInstant::default(), &ended).unwrap();
+    writer.finish().unwrap();
+    std::fs::read_to_string(path).unwrap()
+}
+
+#[test]
+fn a_target_that_has_probably_left_is_told_as_lost_and_is_on_no_map() {
+    let table = doubtful("tracks.csv");
+    let column = table.split([',', '\n']).position(|name| name == "reported");
+    let cell = |line: &str| line.split(',').nth(column.unwrap()).map(str::to_owned);
+    // The name of the sensor has a comma, but stands behind.
+    let told: Vec<_> = table.lines().skip(1).filter_map(cell).collect();
+    assert_eq!(told, ["1", "0", "0"]);
+    let nmea = doubtful("tracks.nmea");
+    let status = |letter: char| nmea.matches(&format!(",N,T117,{letter},")).count();
+    assert_eq!((status('T'), status('L')), (1, 1), "{nmea}");
+    let map: serde_json::Value = serde_json::from_str(&doubtful("tracks.geojson")).unwrap();
+    let features = map["features"].as_array().unwrap();
+    assert_eq!(features.len(), 1, "a track that was never reported is none");
+    let properties = &features[0]["properties"];
+    assert_eq!(properties["times_s"].as_array().unwrap().len(), 1);
+    assert_eq!(properties["ended_because"], "existence");
+    assert_eq!(doubtful("tracks.kml").matches("<when>").count(), 1);
 }
 
 fn text(name: &str, plane: Option<&LocalPlane>) -> String {
