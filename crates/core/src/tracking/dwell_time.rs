@@ -10,7 +10,7 @@ use crate::restorable::{InvalidState, not_negative};
 use crate::scalar::{Scalar, lit};
 
 /// Mean times that are weighed, in multiples of the setting.
-const MULTIPLES: [f64; 4] = [0.25, 1.0, 4.0, 16.0];
+const MULTIPLES: [f64; 4] = [0.5, 2.0, 8.0, 32.0];
 
 /// What a track shows of how long its target stays in the first model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,5 +88,77 @@ impl<T: Scalar> DwellTime<T> {
     pub(super) fn check(&self) -> Result<(), InvalidState> {
         let numbers = self.weights.iter().chain([&self.before, &self.dt]);
         not_negative("dwell time of a track", numbers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_pcg::Pcg64Mcg;
+
+    /// The mean time at the end for a target that leaves the first of two models every so many seconds on average, stays in the other for
+    /// 10 s, and shows each second which it is in with odds of 19 to 1.
+    fn learnt(mean_s: f64, seed: u64) -> f64 {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let (usual_s, other_s, odds) = (40.0, 10.0, [0.95, 0.05]);
+        let mut dwell = DwellTime::default();
+        let (mut straight, mut is_straight, mut found) = (0.5, true, usual_s);
+        for _ in 0..600 {
+            let mean = if is_straight { mean_s } else { other_s };
+            is_straight ^= rng.random::<f64>() < 1.0 - f64::exp(-1.0 / mean);
+            found = dwell.predict(usual_s, straight, 1.0);
+            let stay = f64::exp(-1.0 / found);
+            let predicted = straight * stay + (1.0 - straight) * (1.0 - f64::exp(-1.0 / other_s));
+            let shows_straight = is_straight == (rng.random::<f64>() < odds[0]);
+            let [fits, not] = if shows_straight {
+                odds
+            } else {
+                [odds[1], odds[0]]
+            };
+            let total = predicted * fits + (1.0 - predicted) * not;
+            dwell.learn(usual_s, &[fits / total, not / total]);
+            straight = predicted * fits / total;
+        }
+        found
+    }
+
+    #[test]
+    fn a_target_that_turns_often_is_told_from_one_that_never_does() {
+        for seed in 0..20 {
+            let [often, seldom] = [15.0, 1e9].map(|mean_s| learnt(mean_s, seed));
+            std::eprintln!("{often} {seldom}");
+            assert!(often < 60.0, "seed {seed}: {often} s");
+            assert!(seldom > 250.0, "seed {seed}: {seldom} s");
+        }
+    }
+
+    #[test]
+    fn a_scan_that_tells_the_models_not_apart_changes_nothing() {
+        let mut dwell = DwellTime::<f64>::default();
+        let first = dwell.predict(40.0, 0.7, 2.0);
+        for _ in 0..1000 {
+            dwell.learn(40.0, &[1.0, 1.0, 1.0]);
+            dwell.predict(40.0, 0.7, 2.0);
+        }
+        let last = dwell.predict(40.0, 0.7, 2.0);
+        assert!((last - first).abs() < 1e-9 * first, "{first} {last}");
+    }
+
+    #[test]
+    fn nothing_that_is_no_number_enters() {
+        let mut dwell = DwellTime::<f64>::default();
+        let usual = dwell.predict(40.0, 0.9, 2.0);
+        for bad in [[f64::NAN, 1.0], [f64::INFINITY, 0.0], [1.0, -f64::INFINITY]] {
+            dwell.learn(40.0, &bad);
+            assert!(dwell.check().is_ok());
+            assert!(dwell.predict(40.0, 0.9, 2.0) > 0.0);
+        }
+        assert!((dwell.predict(40.0, 0.9, 2.0) - usual).abs() < 1e-9);
+        dwell.learn(40.0, &[1.0]);
+        dwell.learn(40.0, &[]);
+        for zero in [0.0, 1e-300, 1e300] {
+            assert!(dwell.predict(40.0, 0.9, zero) > 0.0);
+        }
     }
 }

@@ -46,6 +46,7 @@ pub struct TrackOptions {
 pub(super) const MOTION: &str = "motion.";
 const LEARN_CORRELATION: &str = "learn_pose_error_correlation";
 const LEARN_VISIBILITY: &str = "learn_visibility";
+const LEARN_MANOEUVRES: &str = "learn_manoeuvres";
 
 impl TrackOptions {
     fn tables(&mut self) -> Tables<'_> {
@@ -70,17 +71,35 @@ impl TrackOptions {
                     .to_owned(),
             });
         }
-        // Whoever says how long something lasts means it.
-        if lasts && !self.origins.contains_key(LEARN_CORRELATION) {
-            self.settings.learn_pose_error_correlation = false;
-            self.origins.insert(LEARN_CORRELATION.to_owned(), origin);
+        if lasts {
+            self.keep(LEARN_CORRELATION, origin, |settings| {
+                &mut settings.learn_pose_error_correlation
+            });
         }
-        if name == "existence.visible_s" && !self.origins.contains_key(LEARN_VISIBILITY) {
-            self.settings.learn_visibility = false;
-            self.origins.insert(LEARN_VISIBILITY.to_owned(), origin);
+        match name.as_str() {
+            "existence.visible_s" => {
+                self.keep(LEARN_VISIBILITY, origin, |s| &mut s.learn_visibility);
+            }
+            "motion.straight_dwell_s" => {
+                self.keep(LEARN_MANOEUVRES, origin, |s| &mut s.learn_manoeuvres);
+            }
+            _ => {}
         }
         self.origins.insert(name, origin);
         Ok(())
+    }
+
+    /// Whoever says how long something lasts means it: unless somebody said otherwise, it is not learnt.
+    fn keep(
+        &mut self,
+        learns: &str,
+        origin: Origin,
+        setting: fn(&mut MultiTargetSettings<f64>) -> &mut bool,
+    ) {
+        if !self.origins.contains_key(learns) {
+            *setting(&mut self.settings) = false;
+            self.origins.insert(learns.to_owned(), origin);
+        }
     }
 
     /// The same with what follows from a sensor in place of what nobody asked for.
