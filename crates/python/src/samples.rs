@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use northing_evaluation::attitude::{Instant, RunObserver, RunOptions};
+use northing_evaluation::attitude::{Instant, InstantSource, RunObserver, RunOptions};
 use northing_evaluation::{EvaluationError, estimate, estimate_instants};
 use northing_recording::plausibility::Plausibility;
 use northing_recording::{
@@ -86,52 +86,53 @@ impl Iterator for Merged {
     }
 }
 
-/// The instants of arrays as a recording of them would give them: each sensor's stamps increase and its samples are finite, so that of
-/// a recording's checks those of the units are left.
-struct Gathered<'a> {
-    /// Each with its next row, and what its samples are.
-    sources: Vec<(&'a Stream, usize, MakeSample)>,
-    plausibility: Plausibility,
-    over: bool,
+/// A sensor on its way into instants.
+struct Column<'a> {
+    stream: &'a Stream,
+    sensor: SensorKind,
+    /// The row that comes next.
+    next: usize,
 }
 
-impl Gathered<'_> {
-    fn gather(&mut self) -> Result<Option<Instant>, RecordingError> {
-        let stamps = self.sources.iter();
-        let stamps = stamps.filter_map(|(stream, next, _)| stream.time_ns.get(*next));
-        let Some(time_ns) = stamps.min().copied() else {
-            return self.plausibility.finish(NAME).map(|()| None);
-        };
-        let mut instant = Instant {
-            time_ns,
-            ..Instant::default()
-        };
-        for (stream, next, sample) in &mut self.sources {
-            if stream.time_ns.get(*next) == Some(&time_ns) {
-                let event = Event {
-                    time_ns,
-                    sample: sample(stream.vectors[*next].into()),
-                };
-                self.plausibility.check(&event, NAME)?;
-                instant.take(&event);
-                *next += 1;
-            }
-        }
-        Ok(Some(instant))
+impl Column<'_> {
+    fn next_ns(&self) -> Option<i64> {
+        self.stream.time_ns.get(self.next).copied()
     }
 }
 
-impl Iterator for Gathered<'_> {
-    type Item = Result<Instant, EvaluationError>;
+/// The instants of arrays as a recording of them would give them: each sensor's stamps increase and its samples are finite, so that of
+/// a recording's checks those of the units are left.
+struct Gathered<'a> {
+    columns: Vec<Column<'a>>,
+    plausibility: Plausibility,
+}
 
-    fn next(&mut self) -> Option<Self::Item> {
-        if self.over {
-            return None;
+impl Gathered<'_> {
+    fn gather(&mut self, instant: &mut Instant) -> Result<bool, RecordingError> {
+        let Some(time_ns) = self.columns.iter().filter_map(Column::next_ns).min() else {
+            return self.plausibility.finish(NAME).map(|()| false);
+        };
+        *instant = Instant {
+            time_ns,
+            ..Instant::default()
+        };
+        for column in &mut self.columns {
+            if column.next_ns() == Some(time_ns) {
+                let vector = column.stream.vectors[column.next].into();
+                column.next += 1;
+                self.plausibility
+                    .check_vector(time_ns, column.sensor, &vector, NAME)?;
+                instant.take_vector(column.sensor, vector);
+            }
         }
-        let gathered = self.gather();
-        self.over = !matches!(gathered, Ok(Some(_)));
-        let gathered = gathered.map_err(|error| EvaluationError::Recording(Box::new(error)));
-        gathered.transpose()
+        Ok(true)
+    }
+}
+
+impl InstantSource for Gathered<'_> {
+    fn read(&mut self, instant: &mut Instant) -> Result<bool, EvaluationError> {
+        self.gather(instant)
+            .map_err(|error| EvaluationError::Recording(Box::new(error)))
     }
 }
 
@@ -185,23 +186,22 @@ impl Arrays {
             return estimate(self.recording(), options, observer);
         }
         let streams = [
-            Some(&self.gyroscope),
-            self.accelerometer.as_ref(),
-            self.magnetometer.as_ref(),
+            (SensorKind::Gyroscope, Some(&self.gyroscope)),
+            (SensorKind::Accelerometer, self.accelerometer.as_ref()),
+            (SensorKind::Magnetometer, self.magnetometer.as_ref()),
         ];
-        let kinds: [MakeSample; 3] = [
-            Sample::AngularRate,
-            Sample::SpecificForce,
-            Sample::MagneticField,
-        ];
-        let present = streams.into_iter().zip(kinds);
-        let sources = present.filter_map(|(stream, kind)| Some((&**stream?, 0, kind)));
-        let gathered = Gathered {
-            sources: sources.collect(),
+        let columns = streams.into_iter().filter_map(|(sensor, stream)| {
+            Some(Column {
+                stream: stream?,
+                sensor,
+                next: 0,
+            })
+        });
+        let mut gathered = Gathered {
+            columns: columns.collect(),
             plausibility: Plausibility::new(asked),
-            over: false,
         };
-        estimate_instants(gathered, options, observer)
+        estimate_instants(&mut gathered, options, observer)
     }
 
     /// The stamps of the gyroscope.

@@ -11,6 +11,7 @@
 mod position;
 
 use nalgebra::Vector3;
+use northing_core::geometry::so3;
 use position::PositionCheck;
 
 use crate::error::{RecordingError, Result};
@@ -84,22 +85,46 @@ impl Plausibility {
         self.look(event).map_err(|doubt| doubt.error(file))
     }
 
+    /// As [`Self::check`], of a finite vector.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn check_vector(
+        &mut self,
+        time_ns: i64,
+        sensor: SensorKind,
+        vector: &Vector3<f64>,
+        file: &str,
+    ) -> Result<()> {
+        self.look_at(time_ns, sensor, vector)
+            .map_err(|doubt| doubt.error(file))
+    }
+
     fn look(&mut self, event: &Event) -> Verdict {
         let (time_ns, sample) = (event.time_ns, &event.sample);
         if !sample.is_finite() {
             return Ok(());
         }
-        self.norms
-            .iter_mut()
-            .try_for_each(|check| check.look(event))?;
-        match (sample, &mut self.rate, &mut self.position) {
-            (Sample::AngularRate(rate), Some(check), _) => check.turn(time_ns, rate),
-            (Sample::SpecificForce(force), Some(check), _) => check.see(time_ns, force),
-            (Sample::GnssPosition(fix), _, Some(check)) => check.position(time_ns, fix),
-            (Sample::GnssVelocity(velocity), _, Some(check)) => {
+        match (sample, &mut self.position) {
+            (Sample::GnssPosition(fix), Some(check)) => check.position(time_ns, fix),
+            (Sample::GnssVelocity(velocity), Some(check)) => {
                 check.velocity(time_ns, velocity);
                 Ok(())
             }
+            _ => match sample.vector() {
+                Some(vector) => self.look_at(time_ns, sample.kind(), &vector),
+                None => Ok(()),
+            },
+        }
+    }
+
+    fn look_at(&mut self, time_ns: i64, sensor: SensorKind, vector: &Vector3<f64>) -> Verdict {
+        if let Some(check) = self.norms.iter_mut().find(|check| check.sensor == sensor) {
+            check.look(time_ns, vector)?;
+        }
+        match (sensor, &mut self.rate) {
+            (SensorKind::Gyroscope, Some(check)) => check.turn(time_ns, vector),
+            (SensorKind::Accelerometer, Some(check)) => check.see(time_ns, vector),
             _ => Ok(()),
         }
     }
@@ -142,12 +167,11 @@ impl NormCheck {
         }
     }
 
-    fn look(&mut self, event: &Event) -> Verdict {
-        let is_own = event.sample.kind() == self.sensor && !self.over;
-        let Some(vector) = event.sample.vector().filter(|_| is_own) else {
+    fn look(&mut self, time_ns: i64, vector: &Vector3<f64>) -> Verdict {
+        if self.over {
             return Ok(());
-        };
-        self.over = self.norms.add(event.time_ns, vector.norm());
+        }
+        self.over = self.norms.add(time_ns, vector.norm());
         if self.over { self.judge() } else { Ok(()) }
     }
 
@@ -395,12 +419,5 @@ impl RateCheck {
 /// A direction fixed in the world, in body axes, after the body has turned by the rotation vector
 /// `turn` (rad).
 fn turned(direction: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
-    let angle = turn.norm();
-    if angle <= 0.0 {
-        return *direction;
-    }
-    let axis = turn / angle;
-    let (sin, cos) = angle.sin_cos();
-    // Rodrigues' formula for the rotation by -angle.
-    direction * cos - axis.cross(direction) * sin + axis * (axis.dot(direction) * (1.0 - cos))
+    so3::exp(&-turn) * direction
 }

@@ -9,7 +9,9 @@ use std::collections::VecDeque;
 use nalgebra::UnitQuaternion;
 
 use crate::attitude::tally::Tally;
-use crate::attitude::{EstimateRecord, Instant, RunObserver, RunOptions, RunSummary};
+use crate::attitude::{
+    EstimateRecord, Instant, InstantSource, RunObserver, RunOptions, RunSummary,
+};
 use crate::error::EvaluationError;
 
 /// Longest pause between reports that is interpolated across, ns.
@@ -17,14 +19,14 @@ const LONGEST_PAUSE_NS: i64 = 1_000_000_000;
 
 /// Scores the device's own orientation.
 pub(crate) fn run(
-    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    instants: &mut dyn InstantSource,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
 ) -> Result<RunSummary, EvaluationError> {
     let mut tally = Tally::new(options);
     let mut interpolation = Interpolation::default();
-    for instant in instants {
-        let instant = instant?;
+    let mut instant = Instant::default();
+    while instants.read(&mut instant)? {
         tally.read(&instant, None, None);
         if instant
             .angular_rate

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use northing_core::calibration::RestCalibration;
 
 use crate::attitude::calibrated_start::is_of_this_place;
-use crate::attitude::{EstimatorKind, Instant, RunOptions};
+use crate::attitude::{EstimatorKind, Instant, InstantSource, RunOptions};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
 use crate::used_parameters::Origin;
@@ -29,8 +29,6 @@ pub const LEFT_BY_A_CALIBRATION_UT: f64 = 2.0;
 const LEFT_BY_THE_SYSTEM_UT: f64 = 3.0;
 /// ... and in the uncalibrated stream less the system's offset.
 const LEFT_UNCALIBRATED_UT: f64 = 12.0;
-
-type Item = Result<Instant, EvaluationError>;
 
 impl RunOptions {
     /// Sets the standard deviation of the hard iron that the stream in use leaves to a filter, unless
@@ -55,9 +53,11 @@ impl RunOptions {
 }
 
 /// The instants of a recording, the first of which have been looked at.
-pub(crate) struct FirstLook<I> {
-    looked_at: VecDeque<Item>,
-    rest: I,
+pub(crate) struct FirstLook<'a> {
+    looked_at: VecDeque<Instant>,
+    /// What ended them early.
+    failed: Option<EvaluationError>,
+    rest: &'a mut dyn InstantSource,
     means: [Mean; 2],
     /// Taken from every uncalibrated sample.
     offset: Option<Vector3<f64>>,
@@ -85,35 +85,19 @@ impl Mean {
     }
 }
 
-impl<I: Iterator<Item = Item>> FirstLook<I> {
+impl<'a> FirstLook<'a> {
     /// Looks at the time over which a run averages its start.
-    pub(crate) fn new(mut instants: I, options: &RunOptions) -> Self {
-        let window_ns = (options.driver.alignment_s * 1e9) as i64;
-        let mut looked_at = VecDeque::new();
-        let mut means = [Mean::default(); 2];
-        let mut first_ns = None;
-        for item in instants.by_ref() {
-            let Ok(instant) = &item else {
-                looked_at.push_back(item);
-                break;
-            };
-            let first_ns = *first_ns.get_or_insert(instant.time_ns);
-            let late = instant.time_ns.saturating_sub(first_ns) > window_ns;
-            means[0].add(instant.magnetic_field);
-            means[1].add(instant.magnetic_field_uncalibrated);
-            looked_at.push_back(item);
-            if late {
-                break;
-            }
-        }
+    pub(crate) fn new(instants: &'a mut dyn InstantSource, options: &RunOptions) -> Self {
         let mut look = Self {
-            looked_at,
+            looked_at: VecDeque::new(),
+            failed: None,
             rest: instants,
-            means,
+            means: [Mean::default(); 2],
             offset: None,
             stream: options.sensors.magnetometer_source,
             chosen: false,
         };
+        look.failed = look.look(options.driver.alignment_s).err();
         let offset = look.offset_for(options);
         if options.choose_magnetometer
             && options.estimator == EstimatorKind::BoundedVelocity
@@ -124,6 +108,22 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
         }
         look.offset = offset.filter(|_| look.stream == MagnetometerSource::Uncalibrated);
         look
+    }
+
+    /// Takes what comes first, for so long (s).
+    fn look(&mut self, seconds: f64) -> Result<(), EvaluationError> {
+        let window_ns = (seconds * 1e9) as i64;
+        let mut instant = Instant::default();
+        while self.rest.read(&mut instant)? {
+            self.means[0].add(instant.magnetic_field);
+            self.means[1].add(instant.magnetic_field_uncalibrated);
+            self.looked_at.push_back(instant);
+            let first_ns = self.looked_at[0].time_ns;
+            if instant.time_ns.saturating_sub(first_ns) > window_ns {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// The offset, where the uncalibrated stream can be used as it comes. Where a calibration knows a
@@ -166,17 +166,20 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
     }
 }
 
-impl<I: Iterator<Item = Item>> Iterator for FirstLook<I> {
-    type Item = Item;
-
-    fn next(&mut self) -> Option<Item> {
-        let mut item = self.looked_at.pop_front().or_else(|| self.rest.next())?;
-        if let (Ok(instant), Some(offset)) = (&mut item, self.offset)
-            && let Some(field) = &mut instant.magnetic_field_uncalibrated
+impl InstantSource for FirstLook<'_> {
+    fn read(&mut self, instant: &mut Instant) -> Result<bool, EvaluationError> {
+        if let Some(first) = self.looked_at.pop_front() {
+            *instant = first;
+        } else if let Some(error) = self.failed.take() {
+            return Err(error);
+        } else if !self.rest.read(instant)? {
+            return Ok(false);
+        }
+        if let (Some(offset), Some(field)) = (self.offset, &mut instant.magnetic_field_uncalibrated)
         {
             *field -= offset;
         }
-        Some(item)
+        Ok(true)
     }
 }
 
@@ -201,7 +204,7 @@ mod tests {
     }
 
     /// A phone at 50 Hz whose uncalibrated stream is off by (300, -100, 20) microtesla.
-    fn phone(uncalibrated: bool) -> impl Iterator<Item = Item> {
+    fn phone(uncalibrated: bool) -> impl Iterator<Item = Result<Instant, EvaluationError>> {
         (0..100).map(move |k| {
             let field = Vector3::new(0.0, 20.0 + f64::from(k % 2), -40.0);
             let raw = field + Vector3::new(300.0, -100.0, 20.0);
@@ -221,19 +224,21 @@ mod tests {
     }
 
     fn prior(options: &RunOptions, both: bool) -> f64 {
-        let options = FirstLook::new(phone(both), options).options(options);
+        let mut phone = phone(both);
+        let options = FirstLook::new(&mut phone, options).options(options);
         options.config.bounded_velocity.initial_hard_iron_std_ut
     }
 
     #[test]
     fn the_systems_offset_is_taken_from_the_uncalibrated_stream_and_said() {
         let options = uncalibrated();
-        let look = FirstLook::new(phone(true), &options);
+        let mut phone = phone(true);
+        let mut look = FirstLook::new(&mut phone, &options);
         let sentence = look.sentence().unwrap();
         assert!(sentence.contains("(300.0, -100.0, 20.0) uT"), "{sentence}");
         let mut count = 0;
-        for item in look {
-            let instant = item.unwrap();
+        let mut instant = Instant::default();
+        while look.read(&mut instant).unwrap() {
             let left =
                 instant.magnetic_field_uncalibrated.unwrap() - instant.magnetic_field.unwrap();
             assert!(left.amax() < 1e-9, "{left}");
@@ -244,14 +249,20 @@ mod tests {
 
     #[test]
     fn other_streams_and_calibrations_are_left_alone() {
-        let device = RunOptions::default();
-        assert_eq!(FirstLook::new(phone(true), &device).sentence(), None);
+        let sentence = |both, options: &RunOptions| {
+            let mut phone = phone(both);
+            FirstLook::new(&mut phone, options).sentence()
+        };
+        assert_eq!(sentence(true, &RunOptions::default()), None);
         let mut taken_over = uncalibrated();
         taken_over.start = Some(state());
-        assert_eq!(FirstLook::new(phone(true), &taken_over).sentence(), None);
-        let missing = FirstLook::new(phone(false), &uncalibrated());
+        assert_eq!(sentence(true, &taken_over), None);
+        let mut phone = phone(false);
+        let mut missing = FirstLook::new(&mut phone, &uncalibrated());
         assert_eq!(missing.sentence(), None);
-        assert_eq!(missing.count(), 100);
+        let mut instant = Instant::default();
+        assert!((0..100).all(|_| missing.read(&mut instant).unwrap()));
+        assert!(!missing.read(&mut instant).unwrap());
     }
 
     #[test]
@@ -272,7 +283,8 @@ mod tests {
             ..RunOptions::default()
         };
         let taken = |options: &RunOptions, both: bool| {
-            let look = FirstLook::new(phone(both), options);
+            let mut phone = phone(both);
+            let look = FirstLook::new(&mut phone, options);
             let sentence = look.sentence();
             (look.options(options).sensors.magnetometer_source, sentence)
         };
@@ -290,9 +302,11 @@ mod tests {
     #[test]
     fn an_error_at_the_start_comes_out_where_it_was() {
         let failed = || Err(EvaluationError::NoDeviceOrientation);
-        let instants = phone(true).take(3).chain(std::iter::once_with(failed));
-        let mut look = FirstLook::new(instants, &uncalibrated());
-        assert!(look.by_ref().take(3).all(|item| item.is_ok()));
-        assert!(look.next().unwrap().is_err() && look.next().is_none());
+        let mut instants = phone(true).take(3).chain(std::iter::once_with(failed));
+        let mut look = FirstLook::new(&mut instants, &uncalibrated());
+        let mut instant = Instant::default();
+        assert!((0..3).all(|_| look.read(&mut instant).unwrap()));
+        assert!(look.read(&mut instant).is_err());
+        assert!(!look.read(&mut instant).unwrap());
     }
 }

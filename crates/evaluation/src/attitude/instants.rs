@@ -3,6 +3,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{CompassHeading, Event, Reference, Sample, SensorKind};
 
+use crate::error::EvaluationError;
+
 /// Everything measured at one time stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Instant {
@@ -43,19 +45,31 @@ impl Instant {
 
     /// Takes an event of this stamp.
     pub fn take(&mut self, event: &Event) {
-        self.present |= 1 << event.sample.kind().order();
+        let sensor = event.sample.kind();
+        if let Some(vector) = event.sample.vector() {
+            return self.take_vector(sensor, vector);
+        }
+        self.present |= 1 << sensor.order();
         match event.sample {
-            Sample::AngularRate(v) => {
-                let before = self.angular_rate.replace(v);
-                self.rates_before += u32::from(before.is_some_and(|before| before != v));
-            }
-            Sample::SpecificForce(v) => self.specific_force = Some(v),
-            Sample::MagneticField(v) => self.magnetic_field = Some(v),
-            Sample::MagneticFieldUncalibrated(v) => self.magnetic_field_uncalibrated = Some(v),
-            Sample::Position(p) => self.position = Some(p),
             Sample::CompassHeading(c) => self.compass = Some(c),
             Sample::DeviceOrientation(q) if event.sample.is_finite() => self.device = Some(q),
             Sample::Reference(r) if event.sample.is_finite() => self.reference = Some(r),
+            _ => {}
+        }
+    }
+
+    /// Takes a vector of this stamp, in the unit of its sensor.
+    pub fn take_vector(&mut self, sensor: SensorKind, vector: Vector3<f64>) {
+        self.present |= 1 << sensor.order();
+        match sensor {
+            SensorKind::Gyroscope => {
+                let before = self.angular_rate.replace(vector);
+                self.rates_before += u32::from(before.is_some_and(|before| before != vector));
+            }
+            SensorKind::Accelerometer => self.specific_force = Some(vector),
+            SensorKind::Magnetometer => self.magnetic_field = Some(vector),
+            SensorKind::MagnetometerUncalibrated => self.magnetic_field_uncalibrated = Some(vector),
+            SensorKind::Position => self.position = Some(vector),
             _ => {}
         }
     }
@@ -66,6 +80,26 @@ impl Instant {
         SensorKind::ALL
             .into_iter()
             .filter(move |kind| present & (1 << kind.order()) != 0)
+    }
+}
+
+/// Instants in time order. Each is written where it is read from: handed on by value, so large a thing costs more than what is
+/// done with it.
+pub trait InstantSource {
+    /// Puts the next instant in the place of the last one; false at the end.
+    ///
+    /// # Errors
+    /// Those of what the instants are of.
+    fn read(&mut self, instant: &mut Instant) -> Result<bool, EvaluationError>;
+}
+
+impl<I: Iterator<Item = Result<Instant, EvaluationError>>> InstantSource for I {
+    fn read(&mut self, instant: &mut Instant) -> Result<bool, EvaluationError> {
+        let Some(next) = self.next().transpose()? else {
+            return Ok(false);
+        };
+        *instant = next;
+        Ok(true)
     }
 }
 

@@ -43,7 +43,7 @@ mod tally;
 pub mod trace;
 
 pub use calibrations::Calibrations;
-pub use instants::{Instant, Instants};
+pub use instants::{Instant, InstantSource, Instants};
 pub use kinds::{AnyEstimator, EstimatorKind};
 pub use observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver};
 pub use options::{CompassUse, RunOptions, SensorSelection};

@@ -5,7 +5,7 @@
 
 mod position_observer;
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::bounded_velocity::BoundedVelocity;
 use northing_core::attitude::driver::AttitudeDriver;
 use northing_core::attitude::{AttitudeEstimator, Propagation};
@@ -21,7 +21,7 @@ use crate::attitude::rts_smoother::{Recorder, Smoother};
 use crate::attitude::tally::Tally;
 use crate::attitude::{
     AnyEstimator, CascadeRotation, EstimateRecord, EstimatorKind, InnovationRecord, Instant,
-    Instants, Parameters, PositionRecord, RunObserver, RunOptions, RunSummary,
+    InstantSource, Instants, Parameters, PositionRecord, RunObserver, RunOptions, RunSummary,
 };
 use crate::error::EvaluationError;
 use position_observer::PositionObserver;
@@ -84,7 +84,7 @@ where
 /// # Errors
 /// As [`estimate`].
 pub fn estimate_instants(
-    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    instants: &mut dyn InstantSource,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
 ) -> Result<u64, EvaluationError> {
@@ -132,9 +132,9 @@ where
         .filter(|event| !(ignored && event.as_ref().is_ok_and(is_reference)))
         .map(|event| event.map(|event| options.calibrated(event)));
     let events = Aligned::new(events, options.reference.alignment());
-    let instants = Instants::new(events)
+    let mut instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
-    over_instants(instants, options, observer, tally)
+    over_instants(&mut instants, options, observer, tally)
 }
 
 /// Runs over messages as they come: the events of each have one stamp and are taken at once. An estimate does not wait for
@@ -152,16 +152,16 @@ where
     M: IntoIterator<Item = Event>,
     X: std::error::Error + Send + Sync + 'static,
 {
-    let instants = messages.into_iter().map(|message| {
+    let mut instants = messages.into_iter().map(|message| {
         let events = message.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
         let calibrated = events.into_iter().map(|event| options.calibrated(event));
         Ok(Instant::of(calibrated))
     });
-    over_instants(instants, options, observer, Tally::new)
+    over_instants(&mut instants, options, observer, Tally::new)
 }
 
 fn over_instants(
-    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    instants: &mut dyn InstantSource,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
     tally: MakeTally,
@@ -222,7 +222,7 @@ pub(crate) fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> E
 }
 
 fn run_filter(
-    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    instants: &mut dyn InstantSource,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
     (kind, tally): (EstimatorKind, MakeTally),
@@ -238,14 +238,17 @@ fn run_filter(
         };
         session.positions = Some(PositionObserver::new(options, rotation)?);
     }
-    for instant in instants {
-        let record = session.step(&instant?, observer)?;
-        if let Phase::Running(driver) = &session.phase
-            && let Some(sentence) = driver.estimator.failure()
-        {
+    let mut instant = Instant::default();
+    while instants.read(&mut instant)? {
+        let has_estimate = session.step(&instant, observer)?;
+        let Phase::Running(driver) = &session.phase else {
+            continue;
+        };
+        if let Some(sentence) = driver.estimator.failure() {
             return Err(EvaluationError::OwnEstimator { sentence });
         }
-        if let Some(record) = record {
+        if has_estimate {
+            let record = session.record(&instant, &driver.estimator);
             session.tally.estimated(&record, observer);
         }
     }
@@ -258,16 +261,20 @@ fn run_filter(
 
 /// Forward with a filter that remembers, then backward; the estimates told and scored are smoothed.
 fn run_smoothed<S: Smoother>(
-    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    instants: &mut dyn InstantSource,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
     (make, tally): (Make<'_, S>, MakeTally),
 ) -> Result<RunSummary, EvaluationError> {
     let mut session = Session::new(options, make, tally)?;
     let mut records: Vec<(EstimateRecord, usize)> = Vec::new();
-    for instant in instants {
-        let record = session.step(&instant?, observer)?;
-        if let (Some(record), Phase::Running(driver)) = (record, &session.phase) {
+    let mut instant = Instant::default();
+    while instants.read(&mut instant)? {
+        let has_estimate = session.step(&instant, observer)?;
+        if let Phase::Running(driver) = &session.phase
+            && has_estimate
+        {
+            let record = session.record(&instant, &driver.estimator);
             records.push((record, driver.estimator.node()));
         }
     }
@@ -337,12 +344,12 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         })
     }
 
-    /// Takes one instant; gives the estimate if it has a gyroscope sample and there is one.
+    /// Takes one instant; whether it has a gyroscope sample and there is an estimate.
     fn step(
         &mut self,
         instant: &Instant,
         observer: &mut dyn RunObserver,
-    ) -> Result<Option<EstimateRecord>, EvaluationError> {
+    ) -> Result<bool, EvaluationError> {
         let sensors = &self.options.sensors;
         let force = instant.specific_force.filter(|_| sensors.accelerometer);
         let field = calibrated_start::chosen_field(instant, sensors);
@@ -352,50 +359,40 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
             .compass
             .filter(|_| sensors.compass.applies(self.has_magnetometer));
         self.tally.read(instant, force, field);
-        self.device = instant.device.or(self.device);
-        let time_s = self.tally.time_s(instant.time_ns);
-        if let Phase::Calibrating(phase) = &mut self.phase {
-            if time_s < phase.seconds() {
-                phase.add(instant);
-                let rate = instant.angular_rate.is_some();
-                self.tally
-                    .calibrated_with(rate, force.is_some(), field.is_some());
-                if let Some(positions) = &mut self.positions {
-                    positions.wait(instant);
-                }
-                return Ok(None);
-            }
-            let calibration = phase.finish()?;
-            let in_force = self.options.calibrated_by(&calibration);
-            self.phase = started(&in_force, &calibration, self.make)?;
-            self.tally.configured(&in_force, Some(&calibration));
-            if let (Some(positions), Some(gravity)) = (&mut self.positions, calibration.gravity()) {
-                positions.measured_gravity(gravity)?;
-            }
+        if instant.device.is_some() {
+            self.device = instant.device;
+        }
+        if self.calibrates(instant, force, field)? {
+            return Ok(false);
         }
         let Phase::Running(driver) = &mut self.phase else {
-            return Ok(None);
+            return Ok(false);
         };
         let time_ns = instant.time_ns;
-        let mut propagation = None;
-        if let Some(rate) = instant.angular_rate {
-            propagation = Some(driver.gyroscope(time_ns, &rate));
-        }
-        let by_force =
-            force.map(|f| (SensorKind::Accelerometer, driver.accelerometer(time_ns, &f)));
-        let by_field = field.map(|m| (SensorKind::Magnetometer, driver.magnetometer(time_ns, &m)));
-        let by_compass = compass.map(|c| {
-            let innovation = driver.compass(time_ns, c.heading_rad, c.std_rad);
-            (SensorKind::CompassHeading, innovation)
-        });
-        for (sensor, innovation) in by_force.into_iter().chain(by_field).chain(by_compass) {
-            self.tally.updated(time_ns, sensor, &innovation);
-            observer.innovation(&InnovationRecord {
+        let time_s = self.tally.time_s(time_ns);
+        let rate = instant.angular_rate;
+        let propagation = rate.map(|rate| driver.gyroscope(time_ns, &rate));
+        let mut tell = |sensor, innovation| {
+            let record = InnovationRecord {
                 time_ns,
                 time_s,
                 sensor,
                 innovation,
-            });
+            };
+            self.tally.updated(&record);
+            observer.innovation(&record);
+        };
+        if let Some(force) = &force {
+            let innovation = driver.accelerometer(time_ns, force);
+            tell(SensorKind::Accelerometer, innovation);
+        }
+        if let Some(field) = &field {
+            let innovation = driver.magnetometer(time_ns, field);
+            tell(SensorKind::Magnetometer, innovation);
+        }
+        if let Some(compass) = &compass {
+            let innovation = driver.compass(time_ns, compass.heading_rad, compass.std_rad);
+            tell(SensorKind::CompassHeading, innovation);
         }
         while let Some(fault) = driver.take_fault() {
             self.tally.faulted(&fault);
@@ -414,24 +411,56 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 innovation,
             });
         }
-        if !turned || !driver.is_started() {
-            return Ok(None);
-        }
         if let Some(start) = driver.start() {
             self.tally.started(start);
         }
+        Ok(turned && driver.is_started())
+    }
+
+    /// Whether the device still rests for the calibration, which takes the instant then; where that is over the estimator starts.
+    fn calibrates(
+        &mut self,
+        instant: &Instant,
+        force: Option<Vector3<f64>>,
+        field: Option<Vector3<f64>>,
+    ) -> Result<bool, EvaluationError> {
+        let Phase::Calibrating(phase) = &mut self.phase else {
+            return Ok(false);
+        };
+        if self.tally.time_s(instant.time_ns) < phase.seconds() {
+            phase.add(instant);
+            let rate = instant.angular_rate.is_some();
+            self.tally
+                .calibrated_with(rate, force.is_some(), field.is_some());
+            if let Some(positions) = &mut self.positions {
+                positions.wait(instant);
+            }
+            return Ok(true);
+        }
+        let calibration = phase.finish()?;
+        let in_force = self.options.calibrated_by(&calibration);
+        self.phase = started(&in_force, &calibration, self.make)?;
+        self.tally.configured(&in_force, Some(&calibration));
+        if let (Some(positions), Some(gravity)) = (&mut self.positions, calibration.gravity()) {
+            positions.measured_gravity(gravity)?;
+        }
+        Ok(false)
+    }
+
+    /// The estimate at an instant, after its step.
+    fn record(&self, instant: &Instant, estimator: &E) -> EstimateRecord {
         let place = self.positions.as_ref().and_then(PositionObserver::state);
-        Ok(Some(EstimateRecord {
-            time_ns,
-            time_s,
-            attitude: driver.estimator.attitude(),
-            attitude_covariance: driver.estimator.attitude_covariance(),
-            gyroscope_bias: driver.estimator.gyroscope_bias(),
+        EstimateRecord {
+            time_ns: instant.time_ns,
+            time_s: self.tally.time_s(instant.time_ns),
+            attitude: estimator.attitude(),
+            attitude_covariance: estimator.attitude_covariance(),
+            gyroscope_bias: estimator.gyroscope_bias(),
             position: place.map(|state| state.position),
             velocity: place.map(|state| state.velocity),
             reference: instant.reference,
             device: self.device,
-        }))
+        }
     }
 }
 

@@ -6,7 +6,6 @@ use nalgebra::Vector3;
 use northing_core::attitude::{InitialState, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_core::faults::{Fault, FaultySensor};
-use northing_core::kalman::Innovation;
 use northing_recording::{Sample, SensorKind};
 
 use crate::attitude::field_watch::FieldWatch;
@@ -14,8 +13,8 @@ use crate::attitude::final_test::FinalTest;
 use crate::attitude::observability::{self, Present};
 use crate::attitude::reference::ReferenceWatch;
 use crate::attitude::{
-    EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, ReferenceSummary, RunObserver,
-    RunOptions, RunSummary,
+    EstimateRecord, EstimatorKind, Gaps, InnovationRecord, Instant, NisOf, PerSensor,
+    ReferenceSummary, RunObserver, RunOptions, RunSummary,
 };
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, JudgeBy, SensorVerdict};
@@ -197,15 +196,11 @@ impl Tally {
         }
     }
 
-    pub(crate) fn updated(
-        &mut self,
-        time_ns: i64,
-        sensor: SensorKind,
-        innovation: &Innovation<f64>,
-    ) {
+    pub(crate) fn updated(&mut self, record: &InnovationRecord) {
         if self.is_idle {
             return;
         }
+        let (sensor, innovation) = (record.sensor, &record.innovation);
         let (counts, nis) = match sensor {
             SensorKind::Accelerometer => (&mut self.updates.accelerometer, &mut self.nis[0]),
             SensorKind::CompassHeading => (&mut self.updates.compass, &mut self.nis[2]),
@@ -215,7 +210,8 @@ impl Tally {
         let fused = innovation.outcome.is_fused();
         self.present.compass |= fused && sensor == SensorKind::CompassHeading;
         nis.add(innovation);
-        self.diagnosis.innovation(time_ns, sensor, innovation);
+        self.diagnosis
+            .innovation(record.time_ns, sensor, innovation);
     }
 
     /// Takes a fault of the samples.
