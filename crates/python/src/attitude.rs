@@ -1,6 +1,7 @@
 //! Attitude runs: what can be asked for, and the run over arrays.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use northing_evaluation::attitude::parameters::parameters_of;
 use northing_evaluation::attitude::reference::ReferenceUse;
@@ -247,10 +248,17 @@ pub(crate) fn attitude(
         "ned" => WorldFrame::Ned,
         other => return Err(refused(format!("frame=\"{other}\": expected enu or ned"))),
     };
-    let stream = |(time_ns, vectors): Samples<'_>| Stream::of(&time_ns, &vectors);
-    let sensors = [accelerometer, magnetometer].map(|samples| samples.map(stream));
-    let [accelerometer, magnetometer] = sensors;
-    let arrays = Arrays::new(stream(gyroscope), accelerometer, magnetometer, frame, open);
+    let (rate_stamps, rates) = gyroscope;
+    let time_ns = samples::stamps(&rate_stamps);
+    let beside = |(stamps, vectors): Samples<'_>| {
+        let are_own = !stamps.is(&*rate_stamps);
+        let stamps = are_own.then(|| samples::stamps(&stamps));
+        Stream::of(stamps.unwrap_or_else(|| Arc::clone(&time_ns)), &vectors)
+    };
+    let [accelerometer, magnetometer] =
+        [accelerometer, magnetometer].map(|samples| samples.map(beside));
+    let gyroscope = Stream::of(Arc::clone(&time_ns), &rates);
+    let arrays = Arrays::new(gyroscope, accelerometer, magnetometer, frame, open);
     let of_arrays = RunOptions {
         recording: samples::NAME.to_owned(),
         world_frame: frame,

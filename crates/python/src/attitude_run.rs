@@ -1,7 +1,7 @@
 //! What an attitude run gives: arrays of estimates and innovations, the summary, a report and files.
 
 use std::path::PathBuf;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use northing_core::geometry::rotation;
@@ -176,7 +176,7 @@ pub(crate) struct Collector {
     /// Whether there is a position or velocity.
     has_places: bool,
     /// Stamps of the rows that are wanted.
-    wanted: Option<Vec<i64>>,
+    wanted: Option<Arc<[i64]>>,
 }
 
 impl Collector {
@@ -191,12 +191,12 @@ impl Collector {
     }
 
     /// Of arrays: with a row for each of these stamps; with details, where they are asked for.
-    pub(crate) fn of_arrays(wanted: &[i64], has_details: bool) -> Self {
+    pub(crate) fn of_arrays(wanted: Arc<[i64]>, has_details: bool) -> Self {
         Self {
             estimates: Estimates::with_capacity(wanted.len()),
             details: has_details.then(Details::default),
             has_places: false,
-            wanted: Some(wanted.to_vec()),
+            wanted: Some(wanted),
         }
     }
 

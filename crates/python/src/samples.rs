@@ -1,5 +1,7 @@
 //! Arrays of sensors as the events of a recording, so that they pass the checks that every file passes.
 
+use std::iter::{Peekable, Zip};
+use std::slice;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -16,16 +18,21 @@ pub(crate) const NAME: &str = "arrays";
 
 /// The samples of one sensor: stamps in ns and vectors.
 pub(crate) struct Stream {
-    time_ns: Vec<i64>,
+    time_ns: Arc<[i64]>,
     vectors: Vec<[f64; 3]>,
+}
+
+/// Stamps in ns, copied as [`Stream::of`] does.
+pub(crate) fn stamps(time_ns: &PyReadonlyArray1<'_, i64>) -> Arc<[i64]> {
+    match time_ns.as_slice() {
+        Ok(stamps) => stamps.into(),
+        Err(_) => time_ns.as_array().iter().copied().collect(),
+    }
 }
 
 impl Stream {
     /// Copied, for another thread may change an array while the interpreter is free to run it.
-    pub(crate) fn of(
-        time_ns: &PyReadonlyArray1<'_, i64>,
-        vectors: &PyReadonlyArray2<'_, f64>,
-    ) -> Self {
+    pub(crate) fn of(time_ns: Arc<[i64]>, vectors: &PyReadonlyArray2<'_, f64>) -> Self {
         let rows = vectors.as_array();
         let vectors = match rows.as_slice() {
             Some(numbers) => numbers.as_chunks().0.to_vec(),
@@ -34,10 +41,7 @@ impl Stream {
                 rows.map(|row| [row[0], row[1], row[2]]).collect()
             }
         };
-        Self {
-            time_ns: time_ns.as_array().to_vec(),
-            vectors,
-        }
+        Self { time_ns, vectors }
     }
 }
 
@@ -86,17 +90,16 @@ impl Iterator for Merged {
     }
 }
 
-/// A sensor on its way into instants.
+/// A sensor on its way into instants: rows that are still to come, stamp and vector.
 struct Column<'a> {
-    stream: &'a Stream,
     sensor: SensorKind,
-    /// The row that comes next.
-    next: usize,
+    rows: Peekable<Zip<slice::Iter<'a, i64>, slice::Iter<'a, [f64; 3]>>>,
 }
 
-impl Column<'_> {
-    fn next_ns(&self) -> Option<i64> {
-        self.stream.time_ns.get(self.next).copied()
+impl<'a> Column<'a> {
+    fn new(sensor: SensorKind, stream: &'a Stream) -> Self {
+        let rows = stream.time_ns.iter().zip(&stream.vectors).peekable();
+        Self { sensor, rows }
     }
 }
 
@@ -109,20 +112,18 @@ struct Gathered<'a> {
 
 impl Gathered<'_> {
     fn gather(&mut self, instant: &mut Instant) -> Result<bool, RecordingError> {
-        let Some(time_ns) = self.columns.iter().filter_map(Column::next_ns).min() else {
+        let waiting = self.columns.iter_mut();
+        let waiting = waiting.filter_map(|column| column.rows.peek().map(|(time_ns, _)| **time_ns));
+        let Some(time_ns) = waiting.min() else {
             return self.plausibility.finish(NAME).map(|()| false);
         };
-        *instant = Instant {
-            time_ns,
-            ..Instant::default()
-        };
-        for column in &mut self.columns {
-            if column.next_ns() == Some(time_ns) {
-                let vector = column.stream.vectors[column.next].into();
-                column.next += 1;
+        instant.begin(time_ns);
+        for Column { sensor, rows } in &mut self.columns {
+            if let Some((_, vector)) = rows.next_if(|(row_ns, _)| **row_ns == time_ns) {
+                let vector = (*vector).into();
                 self.plausibility
-                    .check_vector(time_ns, column.sensor, &vector, NAME)?;
-                instant.take_vector(column.sensor, vector);
+                    .check_vector(time_ns, *sensor, &vector, NAME)?;
+                instant.take_vector(*sensor, vector);
             }
         }
         Ok(true)
@@ -190,13 +191,8 @@ impl Arrays {
             (SensorKind::Accelerometer, self.accelerometer.as_ref()),
             (SensorKind::Magnetometer, self.magnetometer.as_ref()),
         ];
-        let columns = streams.into_iter().filter_map(|(sensor, stream)| {
-            Some(Column {
-                stream: stream?,
-                sensor,
-                next: 0,
-            })
-        });
+        let columns = streams.into_iter();
+        let columns = columns.filter_map(|(sensor, stream)| Some(Column::new(sensor, stream?)));
         let mut gathered = Gathered {
             columns: columns.collect(),
             plausibility: Plausibility::new(asked),
@@ -205,8 +201,8 @@ impl Arrays {
     }
 
     /// The stamps of the gyroscope.
-    pub(crate) fn stamps(&self) -> &[i64] {
-        &self.gyroscope.time_ns
+    pub(crate) fn stamps(&self) -> Arc<[i64]> {
+        Arc::clone(&self.gyroscope.time_ns)
     }
 
     /// As a recording.

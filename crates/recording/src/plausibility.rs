@@ -43,6 +43,7 @@ impl Doubt {
 /// The checks of one recording.
 #[derive(Debug, Clone)]
 pub struct Plausibility {
+    /// Those that are not over.
     norms: Vec<NormCheck>,
     rate: Option<RateCheck>,
     position: Option<PositionCheck>,
@@ -119,8 +120,10 @@ impl Plausibility {
     }
 
     fn look_at(&mut self, time_ns: i64, sensor: SensorKind, vector: &Vector3<f64>) -> Verdict {
-        if let Some(check) = self.norms.iter_mut().find(|check| check.sensor == sensor) {
-            check.look(time_ns, vector)?;
+        if let Some(at) = self.norms.iter().position(|check| check.sensor == sensor)
+            && self.norms[at].norms.add(time_ns, vector.norm())
+        {
+            self.norms.remove(at).judge()?;
         }
         match (sensor, &mut self.rate) {
             (SensorKind::Gyroscope, Some(check)) => check.turn(time_ns, vector),
@@ -141,8 +144,7 @@ impl Plausibility {
     /// # Errors
     /// [`RecordingError::ImplausibleUnit`] as above.
     pub fn finish(&mut self, file: &str) -> Result<()> {
-        let mut unfinished = self.norms.iter_mut().filter(|check| !check.over);
-        let norms = unfinished.try_for_each(NormCheck::judge);
+        let norms = self.norms.iter_mut().try_for_each(NormCheck::judge);
         let rate = || self.rate.as_ref().map_or(Ok(()), RateCheck::at_end);
         norms
             .and_then(|()| rate())
@@ -155,7 +157,6 @@ impl Plausibility {
 struct NormCheck {
     sensor: SensorKind,
     norms: Norms,
-    over: bool,
 }
 
 impl NormCheck {
@@ -163,16 +164,7 @@ impl NormCheck {
         Self {
             sensor,
             norms: Norms::default(),
-            over: false,
         }
-    }
-
-    fn look(&mut self, time_ns: i64, vector: &Vector3<f64>) -> Verdict {
-        if self.over {
-            return Ok(());
-        }
-        self.over = self.norms.add(time_ns, vector.norm());
-        if self.over { self.judge() } else { Ok(()) }
     }
 
     fn judge(&mut self) -> Verdict {
@@ -297,7 +289,7 @@ impl RateCheck {
 
     /// A gyroscope sample, rad/s if all is well.
     fn turn(&mut self, time_ns: i64, rate: &Vector3<f64>) -> Verdict {
-        self.sustained(time_ns, rate.norm())?;
+        self.sustained(time_ns, rate)?;
         if self.over {
             return Ok(());
         }
@@ -315,8 +307,8 @@ impl RateCheck {
         Ok(())
     }
 
-    fn sustained(&mut self, time_ns: i64, rate: f64) -> Verdict {
-        if rate <= Self::TOO_FAST {
+    fn sustained(&mut self, time_ns: i64, rate: &Vector3<f64>) -> Verdict {
+        if rate.norm_squared() <= Self::TOO_FAST * Self::TOO_FAST {
             self.fast_since_ns = None;
             return Ok(());
         }
@@ -330,7 +322,8 @@ impl RateCheck {
             return Ok(());
         }
         Self::degrees(format!(
-            "the angular rate stays above 60 rad/s (now {rate:.0}); this looks like deg/s"
+            "the angular rate stays above 60 rad/s (now {:.0}); this looks like deg/s",
+            rate.norm()
         ))
     }
 

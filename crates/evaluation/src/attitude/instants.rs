@@ -43,6 +43,35 @@ impl Instant {
         instant
     }
 
+    /// Empties it, for the events of another stamp.
+    pub fn begin(&mut self, time_ns: i64) {
+        let Self {
+            time_ns: stamp,
+            angular_rate,
+            specific_force,
+            magnetic_field,
+            magnetic_field_uncalibrated,
+            position,
+            compass,
+            device,
+            reference,
+            present,
+            rates_before,
+        } = self;
+        // One by one: numbers that are none need not be written.
+        for vector in [
+            angular_rate,
+            specific_force,
+            magnetic_field,
+            magnetic_field_uncalibrated,
+            position,
+        ] {
+            *vector = None;
+        }
+        (*compass, *device, *reference) = (None, None, None);
+        (*stamp, *present, *rates_before) = (time_ns, 0, 0);
+    }
+
     /// Takes an event of this stamp.
     pub fn take(&mut self, event: &Event) {
         let sensor = event.sample.kind();
