@@ -9,8 +9,8 @@
 use crate::restorable::{InvalidState, not_negative};
 use crate::scalar::{Scalar, lit};
 
-/// Mean times that are weighed, in multiples of the setting.
-const MULTIPLES: [f64; 4] = [0.5, 2.0, 8.0, 32.0];
+/// Mean times that are weighed, in multiples of the setting; their mean rate is its rate.
+const MULTIPLES: [f64; 4] = [1.0 / 3.0, 4.0 / 3.0, 16.0 / 3.0, 64.0 / 3.0];
 
 /// What a track shows of how long its target stays in the first model.
 #[derive(Debug, Clone, Copy, PartialEq)]
