@@ -225,6 +225,18 @@ fn settings_of_the_tracker_are_set_by_name_and_handed_over() {
     let both = ["track", "pond.toml", "--set", set, "--set"];
     let said = lab.json(&[&both[..], &["learn_pose_error_correlation=true", "--json"]].concat());
     assert_eq!(used(&said, learns), (true.into(), "set".into()));
+    for (set, learns) in [
+        ("existence.visible_s=60", "learn_visibility"),
+        ("motion.straight_dwell_s=60", "learn_manoeuvres"),
+    ] {
+        assert_eq!(used(&json, learns).0, true);
+        let said = lab.json(&["track", "pond.toml", "--set", set, "--json"]);
+        assert_eq!(used(&said, learns), (false.into(), "set".into()));
+        assert_eq!(
+            said["learnt"]["visible_s"].is_null(),
+            learns == "learn_visibility"
+        );
+    }
     assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
     let converted = ["track", "pond.toml", "--tracker", "converted"];
     let json = lab.json(&[&converted[..], &["--json"]].concat());
@@ -463,7 +475,10 @@ fn how_long_errors_of_the_heading_last_is_learnt_and_said() {
     let text = lab.succeeds(&["track", "scenes/pedestrians-0.toml"]);
     contains(
         &text,
-        &["a correlation time of 3.79 s is used for the error of the own ship's heading"],
+        &[
+            "a correlation time of 3.55 s is used for the error of the own ship's heading",
+            "targets are taken to stay visible for",
+        ],
     );
     let page = lab.succeeds(&["track", "scenes/pedestrians-0.toml", "--report", "p.html"]);
     contains(&page, &["p.html"]);

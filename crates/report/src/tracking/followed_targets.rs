@@ -246,7 +246,7 @@ pub fn learnt(learnt: &Learnt) -> Vec<String> {
     });
     let visible = learnt.visible_s.map(|time_s| {
         format!(
-            "learnt from tracks: a target is taken to stay visible for {} s on average, not as long as the setting says",
+            "learnt from tracks: targets are taken to stay visible for {} s on average (existence.visible_s is where that began)",
             three_digits(time_s)
         )
     });
