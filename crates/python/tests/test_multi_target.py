@@ -148,7 +148,8 @@ def test_scan_by_scan_is_northing_track_to_the_bit(
             targets = again
         record = scene.update(targets, scan)
         assert record.reason is None and targets.time_ns == record.time_ns == scene.time_ns(scan)
-        rows += [row(record.time_ns, track) for track in record.confirmed]
+        doubtful = [track for track in record.confirmed if not track.reported]
+        rows += [row(record.time_ns, track) for track in [*record.reported, *doubtful]]
         ended |= {track.id: track.reason for track in record.ended if track.status == "confirmed"}
     settings = [f"--set={name}={value}" for name, value in parameters.items()]
     table = scene.tracked("--tracker", tracker, *settings)
@@ -221,7 +222,8 @@ def test_two_sensors_and_scans_too_long_for_the_usual_room(tmp_path: Path) -> No
             targets = pickle.loads(pickle.dumps(targets))
         record = scene.update(targets, scan)
         assert record.sensor == scan["sensor"] and record.reason is None
-        rows += [row(record.time_ns, track) for track in record.confirmed]
+        doubtful = [track for track in record.confirmed if not track.reported]
+        rows += [row(record.time_ns, track) for track in [*record.reported, *doubtful]]
         most = max(most, len(record.tracks))
     assert most > 1024, "it had to grow"
     assert_equal(rows, scene.tracked())

@@ -101,6 +101,8 @@ def test_the_table_has_state_covariance_detection_and_the_end(table: pd.DataFram
     assert (likely.scan == (likely.t_s - START_S).round()).all() and (rows.sensor == "radar").all()
     # given up after it was not seen any more, which the last row says and no other
     assert rows.end.iloc[:-1].isna().all() and rows.end.iloc[-1] in ("existence", "position-std")
+    # reported until it has more likely left than not
+    assert (rows.reported == (rows.existence >= 0.5)).all() and rows.reported.iloc[0] == 1 and rows.reported.iloc[-1] == 0
 
 
 def test_parquet_is_the_same_table(bay: Path, table: pd.DataFrame) -> None:
@@ -115,6 +117,7 @@ def test_parquet_is_the_same_table(bay: Path, table: pd.DataFrame) -> None:
 
 def test_a_bag_has_each_track_as_odometry_and_fix(bay: Path, table: pd.DataFrame) -> None:
     rows = boat(table)
+    rows = rows[rows.reported == 1]
     name = f"/track_{rows.track.iloc[0]}"
     with AnyReader([bay / "tracks.mcap"]) as reader:
         topics = {c.topic: c for c in reader.connections}
@@ -138,7 +141,7 @@ def test_maps_have_a_line_for_each_track(bay: Path, table: pd.DataFrame) -> None
     lines = root.findall(".//k:Placemark", spaces)
     assert len(lines) == len(features)
     points = [len(line.findall(".//gx:coord", spaces)) for line in lines]
-    assert points == [len(table[table.track == f["properties"]["track"]]) for f in features]
+    assert points == [table[table.track == f["properties"]["track"]].reported.sum() for f in features]
 
 
 def test_a_chart_plotter_reads_the_sentences(bay: Path, table: pd.DataFrame) -> None:

@@ -221,6 +221,34 @@ mod tests {
 
     type M6 = SMatrix<f64, 6, 6>;
 
+    #[test]
+    fn columns_added_at_once_are_those_added_one_by_one() {
+        // Ten states are two blocks and a rest of two.
+        for active in 0..=10 {
+            let value = |i: usize, k: usize| {
+                if i < active {
+                    (7 * i + 3 * k) as f64 / 9.0 - 2.0
+                } else {
+                    0.0
+                }
+            };
+            let columns: [[f64; 10]; 3] =
+                core::array::from_fn(|k| core::array::from_fn(|i| value(i, k)));
+            let factors = [0.1, -1.7, 3.3];
+            let mut at_once: [f64; 10] = core::array::from_fn(|i| value(i, 5));
+            let mut one_by_one = at_once;
+            add_all_scaled(&mut at_once, &columns, &factors, active);
+            for (column, factor) in columns.iter().zip(factors) {
+                add_scaled(&mut one_by_one, column, factor, active);
+            }
+            assert_eq!(
+                at_once.map(f64::to_bits),
+                one_by_one.map(f64::to_bits),
+                "{active}"
+            );
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(24), ..ProptestConfig::default() })]
         #[test]
