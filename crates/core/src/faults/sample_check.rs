@@ -408,22 +408,6 @@ impl<T: Scalar> SampleCheck<T> {
     /// while it should have changed, and others did.
     #[inline]
     fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
-        if change.iter().all(|change| *change != T::zero()) {
-            self.repeats.component_runs = [0; 3];
-        } else {
-            self.count_held(sample, change);
-        }
-        let largest = sample.amax();
-        self.largest = self.largest.max(largest);
-        if self.full_scale > T::zero() && largest > self.full_scale * lit(1.001) {
-            // It measures beyond: that was no end.
-            self.full_scale = T::zero();
-        }
-        (self.full_scale > T::zero() && largest >= self.full_scale).then_some(self.full_scale)
-    }
-
-    /// Counts the repetitions of single components; one that should have changed sets the end of the range.
-    fn count_held(&mut self, sample: &Vector3<T>, change: &Vector3<T>) {
         // What changes by the rounding alone rests, wherever it rests.
         let is_strong = change.amax() > self.resolution * lit(SMALL_STEPS);
         for i in 0..3 {
@@ -446,6 +430,13 @@ impl<T: Scalar> SampleCheck<T> {
                 }
             }
         }
+        let largest = sample.amax();
+        self.largest = self.largest.max(largest);
+        if self.full_scale > T::zero() && largest > self.full_scale * lit(1.001) {
+            // It measures beyond: that was no end.
+            self.full_scale = T::zero();
+        }
+        (self.full_scale > T::zero() && largest >= self.full_scale).then_some(self.full_scale)
     }
 
     #[inline]

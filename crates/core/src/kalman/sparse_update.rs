@@ -157,12 +157,16 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
                 *x += *w * *nu;
             }
         }
-        let (columns, _) = covariance.as_mut_slice().as_chunks_mut::<N>();
-        for (j, column) in columns.iter_mut().enumerate().take(self.active) {
-            let own = self.projected.each_ref().map(|w| w[j]);
-            add_all_scaled(column, &self.projected, &own.map(|w| -w), self.active);
-            let removed = own.iter().fold(T::zero(), |sum, w| sum + *w * *w);
-            column[j] += rounding_reserve(removed);
+        let columns = covariance.as_mut_slice().chunks_exact_mut(N);
+        for (j, column) in columns.enumerate().take(self.active) {
+            let mut removed = T::zero();
+            for w in &self.projected {
+                add_scaled(column, w, -w[j], self.active);
+                removed += w[j] * w[j];
+            }
+            if let Some(variance) = column.get_mut(j) {
+                *variance += rounding_reserve(removed);
+            }
         }
         true
     }
@@ -179,39 +183,6 @@ pub(crate) fn add_scaled<T: Scalar>(out: &mut [T], column: &[T], factor: T, acti
     }
 }
 
-/// Elements that [`add_all_scaled`] sums side by side: two registers of doubles.
-const SIDE_BY_SIDE: usize = 4;
-
-/// [`add_scaled`] of several columns in their order, with each sum held until it is whole. The columns are zero beyond the
-/// first `active` elements: sums may run on into them.
-#[inline(always)]
-pub(crate) fn add_all_scaled<T: Scalar, const N: usize, const M: usize>(
-    out: &mut [T; N],
-    columns: &[[T; N]; M],
-    factors: &[T; M],
-    active: usize,
-) {
-    let (blocks, rest) = out.as_chunks_mut::<SIDE_BY_SIDE>();
-    let (whole, begun) = (blocks.len(), active.div_ceil(SIDE_BY_SIDE));
-    for (b, block) in blocks.iter_mut().enumerate().take(begun) {
-        let mut sums = *block;
-        for (column, factor) in columns.iter().zip(factors) {
-            let (values, _) = column.as_chunks::<SIDE_BY_SIDE>();
-            for (sum, value) in sums.iter_mut().zip(&values[b]) {
-                *sum += *factor * *value;
-            }
-        }
-        *block = sums;
-    }
-    if begun > whole {
-        for (i, sum) in rest.iter_mut().enumerate() {
-            for (column, factor) in columns.iter().zip(factors) {
-                *sum += *factor * column[whole * SIDE_BY_SIDE + i];
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -220,34 +191,6 @@ mod tests {
     use proptest::prelude::*;
 
     type M6 = SMatrix<f64, 6, 6>;
-
-    #[test]
-    fn columns_added_at_once_are_those_added_one_by_one() {
-        // Ten states are two blocks and a rest of two.
-        for active in 0..=10 {
-            let value = |i: usize, k: usize| {
-                if i < active {
-                    (7 * i + 3 * k) as f64 / 9.0 - 2.0
-                } else {
-                    0.0
-                }
-            };
-            let columns: [[f64; 10]; 3] =
-                core::array::from_fn(|k| core::array::from_fn(|i| value(i, k)));
-            let factors = [0.1, -1.7, 3.3];
-            let mut at_once: [f64; 10] = core::array::from_fn(|i| value(i, 5));
-            let mut one_by_one = at_once;
-            add_all_scaled(&mut at_once, &columns, &factors, active);
-            for (column, factor) in columns.iter().zip(factors) {
-                add_scaled(&mut one_by_one, column, factor, active);
-            }
-            assert_eq!(
-                at_once.map(f64::to_bits),
-                one_by_one.map(f64::to_bits),
-                "{active}"
-            );
-        }
-    }
 
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(24), ..ProptestConfig::default() })]

@@ -4,14 +4,12 @@
 //! by sample; its error needs only these sums, because in level axes it stays where it is but for
 //! what bias and scale do to it.
 
-use core::array::from_fn;
-
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::config::ScaleStates;
 use super::layout::{ATTITUDE, BIAS, CAPACITY, Covariance, Layout, SCALE, VELOCITY};
 use crate::geometry::so3;
-use crate::kalman::sparse_update::add_all_scaled;
+use crate::kalman::sparse_update::add_scaled;
 use crate::scalar::Scalar;
 
 /// What has come together since the covariance was last propagated.
@@ -157,27 +155,21 @@ impl<T: Scalar> Sums<T> {
         let n = layout.len();
         let mut moved = [[T::zero(); CAPACITY]; 5];
         for (row, out) in moved.iter_mut().enumerate() {
-            add_columns(out, n, p, row, &[T::one()]);
+            add_column(out, n, p, row, T::one());
         }
         for (row, out) in moved.iter_mut().enumerate().take(3) {
-            let rotation: [T; 3] = from_fn(|c| -self.rotation[(row, c)]);
-            add_columns(out, n, p, BIAS, &rotation);
-            match layout.scale() {
-                ScaleStates::Off => {}
-                ScaleStates::Diagonal => {
-                    let turn: [T; 3] = from_fn(|k| self.turn[(row, k)]);
-                    add_columns(out, n, p, SCALE, &turn);
-                }
-                ScaleStates::Full => {
-                    let turn: [T; 9] = from_fn(|k| self.turn[(row, k)]);
-                    add_columns(out, n, p, SCALE, &turn);
-                }
+            for c in 0..3 {
+                add_column(out, n, p, BIAS + c, -self.rotation[(row, c)]);
+            }
+            for k in 0..layout.scale_len().min(9) {
+                add_column(out, n, p, SCALE + k, self.turn[(row, k)]);
             }
         }
         let s = &self.velocity;
-        add_columns(&mut moved[VELOCITY], n, p, ATTITUDE + 1, &[s.z, -s.y]);
-        add_columns(&mut moved[VELOCITY + 1], n, p, ATTITUDE, &[-s.z]);
-        add_columns(&mut moved[VELOCITY + 1], n, p, ATTITUDE + 2, &[s.x]);
+        add_column(&mut moved[VELOCITY], n, p, ATTITUDE + 1, s.z);
+        add_column(&mut moved[VELOCITY], n, p, ATTITUDE + 2, -s.y);
+        add_column(&mut moved[VELOCITY + 1], n, p, ATTITUDE, -s.z);
+        add_column(&mut moved[VELOCITY + 1], n, p, ATTITUDE + 2, s.x);
         moved
     }
 
@@ -218,18 +210,17 @@ impl<T: Scalar> Sums<T> {
     }
 }
 
-/// `out += sum of factors[k] * P[.., first + k]`, over the first `n` states.
+/// `out += factor * P[.., column]`, over the first `n` states.
 #[inline(always)]
-fn add_columns<T: Scalar, const M: usize>(
+fn add_column<T: Scalar>(
     out: &mut [T; CAPACITY],
     n: usize,
     p: &Covariance<T>,
-    first: usize,
-    factors: &[T; M],
+    column: usize,
+    factor: T,
 ) {
-    let (columns, _) = p.as_slice().as_chunks::<CAPACITY>();
-    if let Some(columns) = columns.get(first..).and_then(<[_]>::first_chunk) {
-        add_all_scaled(out, columns, factors, n);
+    if let Some(column) = p.as_slice().chunks_exact(CAPACITY).nth(column) {
+        add_scaled(out, column, factor, n);
     }
 }
 
