@@ -45,7 +45,7 @@ impl<T: Scalar> DwellTime<T> {
     /// probability of the model now.
     pub(super) fn predict(&mut self, usual_s: T, straight: T, dt: T) -> T {
         (self.before, self.dt) = (straight, dt);
-        let stay = self.stay(usual_s);
+        let stay = self.stay(&self.each(usual_s));
         if dt > T::zero() && stay < T::one() && stay > T::zero() {
             -dt / stay.ln()
         } else {
@@ -61,7 +61,8 @@ impl<T: Scalar> DwellTime<T> {
         let count = lit::<T>(others.len().max(1) as f64);
         let others = others.iter().fold(T::zero(), |sum, x| sum + *x) / count;
         let favours = self.before * (*first - others);
-        let (stay, each) = (self.stay(usual_s), self.each(usual_s));
+        let each = self.each(usual_s);
+        let stay = self.stay(&each);
         let mut total = T::zero();
         for (weight, its) in self.weights.iter_mut().zip(each) {
             *weight *= (T::one() + (its - stay) * favours).max(T::zero());
@@ -79,9 +80,10 @@ impl<T: Scalar> DwellTime<T> {
         MULTIPLES.map(|multiple| (-self.dt / (usual_s * lit(multiple))).exp())
     }
 
-    fn stay(&self, usual_s: T) -> T {
-        let each = self.each(usual_s).into_iter().zip(&self.weights);
-        each.fold(T::zero(), |sum, (stay, weight)| sum + stay * *weight)
+    /// The mean of those.
+    fn stay(&self, each: &[T; MULTIPLES.len()]) -> T {
+        let weighted = each.iter().zip(&self.weights);
+        weighted.fold(T::zero(), |sum, (stay, weight)| sum + *stay * *weight)
     }
 
     /// Whether a saved one can be continued from.

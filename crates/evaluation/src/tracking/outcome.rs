@@ -69,7 +69,7 @@ pub struct TrackSummary {
     pub confirmed_tracks: usize,
     /// Confirmed tracks that never followed a target (of all confirmed tracks when there is truth).
     pub false_tracks: usize,
-    /// Sum over the instants of confirmed tracks without a target.
+    /// Sum over the instants of reported tracks without a target.
     pub false_track_epochs: usize,
     /// The same for each hour of true positions. What is there without a true position, a quay or a moored boat, counts too.
     pub false_tracks_per_hour: Option<f64>,

@@ -38,7 +38,7 @@ parameters! {
     confirm_existence: T, "-", From(0.0, 1.0), [0.99],
         "existence at which a track is confirmed";
     report_existence: T, "-", From(0.0, 1.0), [0.5],
-        "existence below which a confirmed track is kept, but not reported: its target has more likely left than not",
+        "existence below which a confirmed track is kept, but not reported; below 0.5 its target is more likely gone than there",
         "Raising it reports fewer targets that have left, and fewer that hide.";
     delete_existence: T, "-", From(0.0, 1.0), [0.02],
         "existence below which a tentative track is removed";
