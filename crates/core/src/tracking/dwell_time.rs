@@ -23,12 +23,65 @@ const MULTIPLES: [f64; 4] = [1.0 / 3.0, 4.0 / 3.0, 16.0 / 3.0, 64.0 / 3.0];
     ))
 )]
 pub struct DwellTime<T> {
-    /// Probabilities of the mean times.
+    /// Likelihoods of the mean times, in shares.
     weights: [T; MULTIPLES.len()],
-    /// Probability of the first model before the last prediction, and the seconds of that.
+    /// Probability of the first model before the last prediction, the seconds of that, and the probability of staying over them.
     before: T,
     dt: T,
+    #[cfg_attr(feature = "serde", serde(default = "T::one"))]
+    stay: T,
 }
+
+/// How the mean times are distributed among the targets of a scene (M4).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
+pub struct DwellTimes<T> {
+    /// Shares of the mean times.
+    shares: [T; MULTIPLES.len()],
+    /// Sums of the probabilities of the tracks that have ended.
+    ended: [T; MULTIPLES.len()],
+}
+
+impl<T: Scalar> Default for DwellTimes<T> {
+    fn default() -> Self {
+        Self {
+            shares: [lit(1.0 / MULTIPLES.len() as f64); MULTIPLES.len()],
+            ended: [T::zero(); MULTIPLES.len()],
+        }
+    }
+}
+
+impl<T: Scalar> DwellTimes<T> {
+    /// Takes in a track that has ended.
+    pub(super) fn end(&mut self, track: &DwellTime<T>) {
+        let its = track.posterior(self);
+        self.ended.iter_mut().zip(its).for_each(|(sum, w)| *sum += w);
+    }
+
+    /// One step of expectation and maximisation over the tracks that are there (M4).
+    pub(super) fn learn<'a>(&mut self, tracks: impl Iterator<Item = &'a DwellTime<T>>) {
+        let mut sums = self.ended.map(|sum| sum + lit(ALPHA));
+        for track in tracks {
+            let its = track.posterior(self);
+            sums.iter_mut().zip(its).for_each(|(sum, w)| *sum += w);
+        }
+        let total = sums.iter().fold(T::zero(), |a, b| a + *b);
+        self.shares = sums.map(|sum| sum / total);
+    }
+
+    /// The numbers, for checks of a saved state.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        self.shares.iter().chain(&self.ended)
+    }
+}
+const ALPHA: f64 = 1.0;
 
 impl<T: Scalar> Default for DwellTime<T> {
     fn default() -> Self {
@@ -36,6 +89,7 @@ impl<T: Scalar> Default for DwellTime<T> {
             weights: [lit(1.0 / MULTIPLES.len() as f64); MULTIPLES.len()],
             before: T::zero(),
             dt: T::zero(),
+            stay: T::one(),
         }
     }
 }
@@ -43,9 +97,12 @@ impl<T: Scalar> Default for DwellTime<T> {
 impl<T: Scalar> DwellTime<T> {
     /// Mean time in the model for a prediction over `dt` seconds from now on, where the setting is `usual_s`; `straight` is the
     /// probability of the model now.
-    pub(super) fn predict(&mut self, usual_s: T, straight: T, dt: T) -> T {
+    pub(super) fn predict(&mut self, usual_s: T, scene: &DwellTimes<T>, straight: T, dt: T) -> T {
         (self.before, self.dt) = (straight, dt);
-        let stay = self.stay(&self.each(usual_s));
+        let each = self.each(usual_s);
+        let weighted = each.iter().zip(self.posterior(scene));
+        self.stay = weighted.fold(T::zero(), |sum, (stay, weight)| sum + *stay * weight);
+        let stay = self.stay;
         if dt > T::zero() && stay < T::one() && stay > T::zero() {
             -dt / stay.ln()
         } else {
@@ -62,7 +119,7 @@ impl<T: Scalar> DwellTime<T> {
         let others = others.iter().fold(T::zero(), |sum, x| sum + *x) / count;
         let favours = self.before * (*first - others);
         let each = self.each(usual_s);
-        let stay = self.stay(&each);
+        let stay = self.stay;
         let mut total = T::zero();
         for (weight, its) in self.weights.iter_mut().zip(each) {
             *weight *= (T::one() + (its - stay) * favours).max(T::zero());
@@ -80,15 +137,20 @@ impl<T: Scalar> DwellTime<T> {
         MULTIPLES.map(|multiple| (-self.dt / (usual_s * lit(multiple))).exp())
     }
 
-    /// The mean of those.
-    fn stay(&self, each: &[T; MULTIPLES.len()]) -> T {
-        let weighted = each.iter().zip(&self.weights);
-        weighted.fold(T::zero(), |sum, (stay, weight)| sum + *stay * *weight)
+    /// Probabilities of the mean times.
+    fn posterior(&self, scene: &DwellTimes<T>) -> [T; MULTIPLES.len()] {
+        let mut weights = self.weights;
+        let mut total = T::zero();
+        for (weight, share) in weights.iter_mut().zip(&scene.shares) {
+            *weight *= *share;
+            total += *weight;
+        }
+        if total > T::zero() { weights.map(|w| w / total) } else { scene.shares }
     }
 
     /// Whether a saved one can be continued from.
     pub(super) fn check(&self) -> Result<(), InvalidState> {
-        let numbers = self.weights.iter().chain([&self.before, &self.dt]);
+        let numbers = self.weights.iter().chain([&self.before, &self.dt, &self.stay]);
         not_negative("dwell time of a track", numbers)
     }
 }

@@ -39,6 +39,7 @@ use super::imm::Mode;
 use super::own_ship::{OwnShip, PoseErrorCorrelation};
 use super::pose_error::{PoseErrorMemory, SeenTogether};
 use super::seen::Seen;
+use super::dwell_time::DwellTimes;
 use super::visibility::VisibilityMemory;
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, expect, finite, not_negative};
@@ -124,6 +125,8 @@ pub struct MultiTargetState<T, const M: usize, const N: usize> {
     pose_error: PoseErrorMemory<T>,
     #[cfg_attr(feature = "serde", serde(default))]
     visibility: VisibilityMemory<T>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    dwell: DwellTimes<T>,
 }
 
 /// Time of a scan (s), and the covariance of the pose then.
@@ -162,6 +165,7 @@ impl<T: Scalar, const M: usize, const N: usize> MultiTargetState<T, M, N> {
             echoes: self.echoes,
             pose_error: self.pose_error,
             visibility: self.visibility,
+            dwell: self.dwell,
         })
     }
 }
@@ -190,6 +194,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
         finite("echoes", state.echoes.numbers())?;
         finite("error of the pose", state.pose_error.numbers())?;
         not_negative("visibility of targets", state.visibility.numbers())?;
+        not_negative("manoeuvres of targets", state.dwell.numbers())?;
         self.state = state;
         self.reach = N;
         self.shorten();
@@ -215,6 +220,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
                 echoes: EchoMemory::default(),
                 pose_error: PoseErrorMemory::default(),
                 visibility: VisibilityMemory::default(),
+                dwell: DwellTimes::default(),
             },
             reach: 0,
             weights: [Association::missed(T::one()); N],
@@ -350,8 +356,11 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         });
         let echo_kept = self.state.echoes.kept(dt);
         let existence = self.existence_model();
+        let own = self.state.tracks[..self.reach].iter().flatten().filter(|t| t.status == TrackStatus::Confirmed);
+        self.state.dwell.learn(own.map(|t| &t.dwell));
+        let dwell = self.state.dwell;
         for track in self.state.tracks[..self.reach].iter_mut().flatten() {
-            track.predict(&self.config, &existence, dt, (&kept, echo_kept));
+            track.predict(&self.config, (&existence, &dwell), dt, (&kept, echo_kept));
         }
         self.state.last = Some(LastScan {
             time_s: scan.time_s,
@@ -433,6 +442,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         };
         let merged = matches!(end, TrackEnd::Merged { .. });
         let counts = track.status == TrackStatus::Confirmed && !merged;
+        if counts { self.state.dwell.end(&track.dwell); }
         self.state.counts.deleted_confirmed += u64::from(counts);
         self.ended[place] = Some(EndedTrack {
             id: track.id,

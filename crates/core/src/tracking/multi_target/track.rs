@@ -10,7 +10,7 @@ use crate::scalar::{Scalar, lit};
 use crate::tracking::association::ipda::{Existence, ExistenceModel};
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, Detection};
-use crate::tracking::dwell_time::DwellTime;
+use crate::tracking::dwell_time::{DwellTime, DwellTimes};
 use crate::tracking::echo::{Echo, EchoCovariance};
 use crate::tracking::imm::{Imm, Mode};
 use crate::tracking::own_ship::OwnShip;
@@ -142,7 +142,7 @@ impl<T: Scalar, const M: usize> Track<T, M> {
     pub(super) fn predict(
         &mut self,
         config: &MultiTargetConfig<T, M>,
-        existence: &ExistenceModel<T>,
+        (existence, dwell): (&ExistenceModel<T>, &DwellTimes<T>),
         dt: T,
         (kept, echo_kept): (&Vector3<T>, T),
     ) {
@@ -152,7 +152,8 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         {
             *straight = self
                 .dwell
-                .predict(*straight, self.imm.modes[0].probability, dt);
+                
+                .predict(*straight, dwell, self.imm.modes[0].probability, dt);
         }
         self.imm.predict(&models, dt, kept, echo_kept);
         self.existence.predict(existence, dt);
