@@ -34,12 +34,12 @@ use super::association::clusters::Clusters;
 use super::association::ipda::ExistenceModel;
 use super::association::jipda::associate;
 use super::detection::Detection;
+use super::dwell_time::DwellTimes;
 use super::echo::{Echo, EchoMemory};
 use super::imm::Mode;
 use super::own_ship::{OwnShip, PoseErrorCorrelation};
 use super::pose_error::{PoseErrorMemory, SeenTogether};
 use super::seen::Seen;
-use super::dwell_time::DwellTimes;
 use super::visibility::VisibilityMemory;
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, expect, finite, not_negative};
@@ -356,9 +356,10 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         });
         let echo_kept = self.state.echoes.kept(dt);
         let existence = self.existence_model();
-        let own = self.state.tracks[..self.reach].iter().flatten().filter(|t| t.status == TrackStatus::Confirmed);
-        self.state.dwell.learn(own.map(|t| &t.dwell));
-        let dwell = self.state.dwell;
+        let confirmed = self.tracks().filter(|t| t.status == TrackStatus::Confirmed);
+        let mut dwell = self.state.dwell;
+        dwell.learn(confirmed.map(|track| &track.dwell));
+        self.state.dwell = dwell;
         for track in self.state.tracks[..self.reach].iter_mut().flatten() {
             track.predict(&self.config, (&existence, &dwell), dt, (&kept, echo_kept));
         }
@@ -442,7 +443,9 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         };
         let merged = matches!(end, TrackEnd::Merged { .. });
         let counts = track.status == TrackStatus::Confirmed && !merged;
-        if counts { self.state.dwell.end(&track.dwell); }
+        if counts {
+            self.state.dwell.end(&track.dwell);
+        }
         self.state.counts.deleted_confirmed += u64::from(counts);
         self.ended[place] = Some(EndedTrack {
             id: track.id,

@@ -23,7 +23,7 @@ parameters! {
         "whether targets hide as rarely, or as often, as their tracks show; `existence.visible_s` is where that begins",
         "Nothing is learnt where `existence.hidden_s` is 0.";
     learn_manoeuvres: bool, "-", Flag, [true],
-        "whether a target manoeuvres as rarely, or as often, as its own track shows; `motion.straight_dwell_s` is where that begins";
+        "whether a target manoeuvres as rarely, or as often, as its own track, and those of the others, show; `motion.straight_dwell_s` is where that begins";
     gate_sigmas: T, "-", From(1e-3, 1e6), [3.5],
         "radius of the gate, standard deviations",
         "Raising it loses fewer manoeuvring targets and lets in more clutter.";

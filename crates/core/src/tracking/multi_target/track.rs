@@ -152,7 +152,6 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         {
             *straight = self
                 .dwell
-                
                 .predict(*straight, dwell, self.imm.modes[0].probability, dt);
         }
         self.imm.predict(&models, dt, kept, echo_kept);
