@@ -51,7 +51,7 @@
 //!   longer one starts it again.
 //!
 //! Cost, limits: see [`ErrorStateFilter`] and, until the heading is known, [`super::in_motion_alignment`]. Memory in single
-//! precision: 26 KB, of which 20 KB are the alignment's, and 28 bytes a sample of history.
+//! precision: 26 KB, of which 20 KB are the alignment's, and 36 bytes a sample of history.
 
 mod clock;
 mod config;

@@ -4,7 +4,7 @@
 //!
 //! The strapdown step can be undone exactly, so the past is not stored: the samples are, and the present state,
 //! with all corrections it has had since, is run backwards through them. A ring of `N` samples, no allocation;
-//! 28 bytes each in single precision.
+//! 36 bytes each in single precision.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -14,13 +14,19 @@ use crate::geometry::so3;
 use crate::restorable::{InvalidState, expect};
 use crate::scalar::{Scalar, lit};
 
-/// One sample: what held over `dt`, as it was given to the filter.
+/// What held over an interval, as it was given to the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Step<T: Scalar> {
-    angular_rate: Vector3<T>,
-    specific_force: Vector3<T>,
-    dt: T,
+pub struct HeldSample<T: Scalar> {
+    /// Angular rate, rad/s, body axes.
+    pub angular_rate: Vector3<T>,
+    /// Specific force, m/s^2, body axes.
+    pub specific_force: Vector3<T>,
+    /// The interval, s.
+    pub dt: T,
+    /// Noise densities of gyroscope, (rad/s)/sqrt(Hz), and accelerometer, (m/s^2)/sqrt(Hz), in it: large where something stands for a
+    /// sample that was not measured.
+    pub noise_densities: [T; 2],
 }
 
 /// The last samples.
@@ -35,7 +41,7 @@ struct Step<T: Scalar> {
 )]
 pub struct ImuHistory<T: Scalar, const N: usize> {
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
-    steps: [Step<T>; N],
+    steps: [HeldSample<T>; N],
     next: usize,
     len: usize,
 }
@@ -61,10 +67,11 @@ pub struct Instant<T: Scalar> {
 
 impl<T: Scalar, const N: usize> Default for ImuHistory<T, N> {
     fn default() -> Self {
-        let none = Step {
+        let none = HeldSample {
             angular_rate: Vector3::zeros(),
             specific_force: Vector3::zeros(),
             dt: T::zero(),
+            noise_densities: [T::zero(); 2],
         };
         Self {
             steps: [none; N],
@@ -77,13 +84,9 @@ impl<T: Scalar, const N: usize> Default for ImuHistory<T, N> {
 impl<T: Scalar, const N: usize> ImuHistory<T, N> {
     /// Keeps a sample; the oldest one goes.
     #[inline]
-    pub fn push(&mut self, angular_rate: &Vector3<T>, specific_force: &Vector3<T>, dt: T) {
+    pub fn push(&mut self, sample: &HeldSample<T>) {
         if let Some(place) = self.steps.get_mut(self.next) {
-            *place = Step {
-                angular_rate: *angular_rate,
-                specific_force: *specific_force,
-                dt,
-            };
+            *place = *sample;
             self.next = (self.next + 1) % N;
             self.len = (self.len + 1).min(N);
         }
@@ -91,9 +94,10 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
 
     /// Whether a saved one can be continued from.
     pub(super) fn check(&self) -> Result<(), InvalidState> {
-        let numbers = |step: &Step<T>| {
+        let numbers = |step: &HeldSample<T>| {
             let vectors = step.angular_rate.norm_squared() + step.specific_force.norm_squared();
-            vectors.is_finite() && step.dt.is_finite()
+            let [gyroscope, accelerometer] = step.noise_densities;
+            (vectors + gyroscope + accelerometer).is_finite() && step.dt.is_finite()
         };
         expect("history", self.steps.iter().all(numbers), "finite")?;
         let in_place = self.len <= N && self.next < N.max(1);
@@ -128,9 +132,8 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
         self.len = 0;
     }
 
-    /// Angular rate, specific force and duration (s) of the samples of the last `age_s` seconds, oldest first; of the oldest
-    /// only the part that is within.
-    pub fn since(&self, age_s: T) -> impl Iterator<Item = (&Vector3<T>, &Vector3<T>, T)> {
+    /// The samples of the last `age_s` seconds, oldest first; of the oldest only the part that is within.
+    pub fn since(&self, age_s: T) -> impl Iterator<Item = HeldSample<T>> {
         let (mut count, mut left) = (0, age_s);
         for step in self.newest_first() {
             if left <= T::zero() {
@@ -142,9 +145,9 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
         // What the oldest one has before.
         let mut before = -left.min(T::zero());
         (1..=count).rev().filter_map(move |back| {
-            let step = self.steps.get((self.next + N - back) % N)?;
-            let dt = step.dt - core::mem::replace(&mut before, T::zero());
-            Some((&step.angular_rate, &step.specific_force, dt))
+            let mut step = *self.steps.get((self.next + N - back) % N)?;
+            step.dt -= core::mem::replace(&mut before, T::zero());
+            Some(step)
         })
     }
 
@@ -164,7 +167,7 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
         self.len == 0
     }
 
-    fn newest_first(&self) -> impl Iterator<Item = &Step<T>> {
+    fn newest_first(&self) -> impl Iterator<Item = &HeldSample<T>> {
         (1..=self.len).filter_map(move |back| self.steps.get((self.next + N - back) % N))
     }
 
@@ -207,7 +210,7 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
 impl<T: Scalar> Instant<T> {
     /// Goes back by `dt` under a sample (E18); forth when `dt` is negative.
     #[inline]
-    fn undo(&mut self, state: &NavigationState<T>, step: &Step<T>, down: &Vector3<T>, dt: T) {
+    fn undo(&mut self, state: &NavigationState<T>, step: &HeldSample<T>, down: &Vector3<T>, dt: T) {
         let half = lit::<T>(0.5);
         self.angular_rate = step.angular_rate - state.gyroscope_bias;
         let half_turn = so3::exp(&(self.angular_rate * (-dt * half)));
@@ -246,6 +249,15 @@ mod tests {
         }
     }
 
+    fn held(rate: &Vector3<f64>, force: &Vector3<f64>) -> HeldSample<f64> {
+        HeldSample {
+            angular_rate: *rate,
+            specific_force: *force,
+            dt: DT,
+            noise_densities: [1e-3, 0.01],
+        }
+    }
+
     fn sample(k: i32) -> (Vector3<f64>, Vector3<f64>) {
         let t = f64::from(k) * DT;
         let rate = Vector3::new(0.3 * t.sin(), 0.2, 0.4 * (2.0 * t).cos());
@@ -261,7 +273,7 @@ mod tests {
             states.push(*filter.state());
             let (rate, force) = sample(k);
             filter.propagate(&rate, &force, DT).unwrap();
-            history.push(&rate, &force, DT);
+            history.push(&held(&rate, &force));
         }
         let gravity = filter.config().gravity;
         for back in [1, 7, 16] {
@@ -283,15 +295,15 @@ mod tests {
         let mut history = ImuHistory::<f64, 4>::default();
         for k in 0..6 {
             let (rate, force) = sample(k);
-            history.push(&rate, &force, DT);
+            history.push(&held(&rate, &force));
         }
         let all: std::vec::Vec<_> = history.since(1.0).collect();
         assert_eq!(all.len(), 4);
-        assert_eq!(*all[0].0, sample(2).0);
+        assert_eq!(all[0].angular_rate, sample(2).0);
         let last: std::vec::Vec<_> = history.since(1.25 * DT).collect();
         assert_eq!(last.len(), 2);
-        assert_eq!(*last[1].1, sample(5).1);
-        assert_relative_eq!(last[0].2, 0.25 * DT, epsilon = 1e-12);
+        assert_eq!(last[1].specific_force, sample(5).1);
+        assert_relative_eq!(last[0].dt, 0.25 * DT, epsilon = 1e-12);
         assert_relative_eq!(history.duration_s(3), 3.0 * DT, epsilon = 1e-12);
         assert_eq!(history.since(-1.0).count(), 0);
     }
@@ -305,7 +317,7 @@ mod tests {
         for _ in 0..20 {
             states.push(*filter.state());
             filter.propagate(&rate, &force, DT).unwrap();
-            history.push(&rate, &force, DT);
+            history.push(&held(&rate, &force));
         }
         let gravity = filter.config().gravity;
         let then = history.at(filter.state(), gravity, 0.1);

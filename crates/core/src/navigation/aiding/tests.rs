@@ -7,7 +7,7 @@ use crate::navigation::augmented_states::{
     MOUNT_YAW, TIME_OFFSET,
 };
 use crate::navigation::error_state::{SIDE, SparseMeasurement};
-use crate::navigation::history::{ImuHistory, Instant};
+use crate::navigation::history::{HeldSample, ImuHistory, Instant};
 use crate::navigation::{ErrorTransition, NavigationState, STATES};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector1, Vector3};
 use num_dual::{DualSVec64, jacobian};
@@ -75,7 +75,12 @@ fn true_instant(x: &Errors, age: Dual) -> Instant<Dual> {
     let mut history = ImuHistory::<Dual, 32>::default();
     let (rate, force) = sample();
     for _ in 0..32 {
-        history.push(&real(&rate), &real(&force), Dual::from(DT));
+        history.push(&HeldSample {
+            angular_rate: real(&rate),
+            specific_force: real(&force),
+            dt: Dual::from(DT),
+            noise_densities: [Dual::from(0.0); 2],
+        });
     }
     history.at(&truth, Dual::from(GRAVITY), age)
 }
@@ -84,7 +89,12 @@ fn instant(age: f64) -> Instant<f64> {
     let mut history = ImuHistory::<f64, 32>::default();
     let (rate, force) = sample();
     for _ in 0..32 {
-        history.push(&rate, &force, DT);
+        history.push(&HeldSample {
+            angular_rate: rate,
+            specific_force: force,
+            dt: DT,
+            noise_densities: [0.0; 2],
+        });
     }
     history.at(&state(), GRAVITY, age)
 }

@@ -12,6 +12,7 @@ use crate::faults::{Fault, FaultySensor};
 use crate::kalman::SkipReason;
 use crate::kalman::innovation::check_vector;
 use crate::navigation::Validity;
+use crate::navigation::history::HeldSample;
 use crate::navigation::in_motion_alignment::AlignmentStatus;
 use crate::scalar::{Scalar, lit};
 
@@ -204,12 +205,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             widened[1] = before[1].max(self.config.gap_velocity_random_walk);
         }
         self.filter.set_noise_densities(widened);
-        self.alignment.set_noise_densities(widened);
         self.alignment.samples_are_unseen();
         self.step(rate, force, dt);
         self.catch_up();
         self.filter.set_noise_densities(before);
-        self.alignment.set_noise_densities(before);
         self.memory.window = StillnessWindow::default();
         self.memory.due_window = None;
         self.memory.may_be_still = false;
@@ -243,7 +242,6 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let stated = [c.gyroscope_noise_density, c.accelerometer_noise_density];
         let densities = self.memory.vibration.noise_densities(stated);
         self.filter.set_noise_densities(densities);
-        self.alignment.set_noise_densities(densities);
     }
 
     /// Moves on by `dt` with a rate and force that held over it.
@@ -260,7 +258,13 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         };
         // Cannot be refused: checked above, and the interval is positive and short.
         if !self.memory.started || self.filter.propagate(&rate, &force, dt).is_ok() {
-            self.memory.history.push(&rate, &force, dt);
+            let c = self.filter.config();
+            self.memory.history.push(&HeldSample {
+                angular_rate: rate,
+                specific_force: force,
+                dt,
+                noise_densities: [c.gyroscope_noise_density, c.accelerometer_noise_density],
+            });
         }
         if self.memory.aligning {
             self.keep_for_alignment(dt);

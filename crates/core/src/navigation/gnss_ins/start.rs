@@ -115,9 +115,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return;
         }
         // What is refused was looked at before it came into the history.
-        for (rate, force, dt) in memory.history.since(memory.unfed_s) {
-            let part = dt.min(left);
+        for sample in memory.history.since(memory.unfed_s) {
+            let part = sample.dt.min(left);
             if part > T::zero() {
+                let (rate, force) = (&sample.angular_rate, &sample.specific_force);
+                self.alignment.set_noise_densities(sample.noise_densities);
                 let _ = self.alignment.propagate(rate, force, part);
             }
             left -= part;
@@ -320,15 +322,25 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return;
         }
         let history = self.memory.history;
-        for (rate, force, dt) in history.since(behind) {
-            if dt > T::zero()
-                && self.filter.propagate(rate, force, dt).is_ok()
+        let c = self.filter.config();
+        let now = [c.gyroscope_noise_density, c.accelerometer_noise_density];
+        let mut noise = now;
+        for sample in history.since(behind) {
+            let (rate, force) = (&sample.angular_rate, &sample.specific_force);
+            if sample.noise_densities != noise {
+                self.catch_up();
+                noise = sample.noise_densities;
+                self.filter.set_noise_densities(noise);
+            }
+            if sample.dt > T::zero()
+                && self.filter.propagate(rate, force, sample.dt).is_ok()
                 && self.pending_s() >= lit(CARRIED_BY_S)
             {
                 self.catch_up();
             }
         }
         self.catch_up();
+        self.filter.set_noise_densities(now);
     }
 
     /// Starts, or starts again, at `time_ns` from a state that is known otherwise: kept from before, or another system's.

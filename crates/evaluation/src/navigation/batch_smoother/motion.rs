@@ -5,7 +5,7 @@ use northing_core::ConfigError;
 use northing_core::kalman::ErrorPropagation as _;
 use northing_core::navigation::augmented_states::{BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET};
 use northing_core::navigation::gnss_ins::{GAP_LIMIT_S, GnssInsConfig, ImuSamples};
-use northing_core::navigation::history::ImuHistory;
+use northing_core::navigation::history::{HeldSample, ImuHistory};
 use northing_core::navigation::{
     ACCELEROMETER_BIAS, ATTITUDE, ErrorStateConfig, ErrorStateFilter, ErrorTransition,
     GYROSCOPE_BIAS, POSITION, STATES, VELOCITY,
@@ -180,7 +180,12 @@ impl Strapdown<'_> {
                     .on_the_plane(moved, &now.ned_from_body, [&rate, &force]);
             // Cannot be refused: the filter took it.
             let _ = filter.propagate(&rate, &force, dt);
-            history.push(&rate, &force, dt);
+            history.push(&HeldSample {
+                angular_rate: rate,
+                specific_force: force,
+                dt,
+                noise_densities: [0.0; 2],
+            });
             (at_ns, next) = (until_ns, next + 1);
         }
         let transition = filter.catch_up();
