@@ -14,11 +14,13 @@ use crate::kalman::innovation::check_vector;
 use crate::navigation::Validity;
 use crate::navigation::history::HeldSample;
 use crate::navigation::in_motion_alignment::AlignmentStatus;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lit, to_f64};
 
 /// A body stands when its velocity is below so many of its standard deviations, and these below this, m/s.
 const STANDING_SIGMAS: f64 = 3.0;
 pub(super) const STANDING_SPEED: f64 = 0.3;
+/// Over a gap it goes in steps of this, s.
+const BRIDGED_BY_S: f64 = 0.1;
 /// Earth's mean radius, m: how gravity turns and falls with position.
 const EARTH_RADIUS_M: f64 = 6.371e6;
 /// Nearer to the origin than this (m) the first order is enough: it is off by 0.1 mm/s^2.
@@ -35,10 +37,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         angular_rate: &Vector3<T>,
         specific_force: &Vector3<T>,
     ) -> Result<(), SkipReason> {
-        let newer = self
-            .memory
-            .last_imu
-            .is_none_or(|(last, _, _)| time_ns > last);
+        let newer = self.is_newer(time_ns);
         let checked = check_vector(angular_rate, T::zero(), lit(100.0))
             .and_then(|()| check_vector(specific_force, T::zero(), lit(1e3)))
             .and(if newer {
@@ -64,6 +63,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return Err(SkipReason::Suspect);
         }
         self.memory.behind = 0;
+        self.memory.ahead_ns = None;
         let last = self
             .memory
             .last_imu
@@ -77,7 +77,13 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         };
         let dt: T = seconds(last_ns, time_ns);
         if dt > lit(GAP_LIMIT_S) {
-            self.bridge(seconds(now.unwrap_or(last_ns), time_ns));
+            self.memory.gaps = self.memory.gaps.saturating_add(1);
+            if dt > lit(LONGEST_GAP_S) {
+                self.restart();
+            } else {
+                let from_ns = now.unwrap_or(last_ns);
+                self.bridge([from_ns, time_ns], [&last_rate, &last_force]);
+            }
             return Ok(());
         }
         self.settle();
@@ -142,6 +148,59 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let felt = mean + force.owed / dt;
         self.step_unseen(time_ns, [&rate, &force], [&rate.value, &felt], dt);
         Ok(())
+    }
+
+    /// Goes on over a time (ns) without inertial samples, as F4 has it for the angular rate; the velocity is held. `last` are the angular
+    /// rate and the specific force before.
+    pub(super) fn bridge(&mut self, [from_ns, until_ns]: [i64; 2], last: [&Vector3<T>; 2]) {
+        let duration: T = seconds(from_ns, until_ns);
+        let steps = to_f64(duration / lit(BRIDGED_BY_S))
+            .ceil()
+            .clamp(1.0, 100.0);
+        let dt = duration / lit(steps);
+        if dt <= T::zero() {
+            return;
+        }
+        for step in 1..=steps as i64 {
+            let left = (until_ns - from_ns) * (steps as i64 - step) / steps as i64;
+            let time_ns = until_ns - left;
+            self.memory.now_ns = Some(time_ns);
+            let (still, rest) = self.at_rest(last[1]);
+            let faults = &mut self.memory.faults;
+            let rate = faults.unseen_rate(time_ns, last[0], &still, dt);
+            let force = Usable {
+                value: rest,
+                ..rate
+            };
+            self.step_unseen(time_ns, [&rate, &force], [&rate.value, &rest], dt);
+        }
+    }
+
+    /// Whether a sample is newer than the last one, and than what a gap was bridged to.
+    fn is_newer(&mut self, time_ns: i64) -> bool {
+        let Some((last_ns, ..)) = self.memory.last_imu else {
+            return true;
+        };
+        let bridged = self.memory.now_ns.is_some_and(|now| time_ns <= now);
+        self.memory.samples_come_late |= time_ns > last_ns && bridged;
+        time_ns > last_ns && !bridged
+    }
+
+    /// Goes on to the instant of a measurement behind a gap of the inertial samples. A second stamp must say so, before the next sample
+    /// comes: one may be false. Not where a unit delivers its samples late, many at once.
+    pub(super) fn go_on_in_a_gap(&mut self, time_ns: i64) {
+        let Some((last_ns, rate, force)) = self.memory.last_imu else {
+            return;
+        };
+        let gap: T = seconds(last_ns, time_ns);
+        let is_gap = gap > lit(GAP_LIMIT_S) && gap <= lit(LONGEST_GAP_S);
+        if !is_gap || self.memory.samples_come_late {
+            return;
+        }
+        let before = self.memory.ahead_ns.replace(time_ns);
+        if let (true, Some(now_ns)) = (before.is_some_and(|b| b < time_ns), self.memory.now_ns) {
+            self.bridge([now_ns, time_ns], [&rate, &force]);
+        }
     }
 
     /// Angular rate and specific force of a body at rest; before the start of one that does not turn, and what is measured.

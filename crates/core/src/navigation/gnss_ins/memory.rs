@@ -99,6 +99,10 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     /// A stamp of the inertial unit that may be false.
     pub(super) leaping: LeapingStamp,
     pub(super) gaps: u32,
+    /// Stamp of the last measurement since the last inertial sample that is behind a gap.
+    pub(super) ahead_ns: Option<i64>,
+    /// Whether inertial samples have come after fixes of a later time: what looks like a gap may be none.
+    pub(super) samples_come_late: bool,
     pub(super) restarts: u32,
 }
 
@@ -168,6 +172,8 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             behind: 0,
             leaping: LeapingStamp::default(),
             gaps: 0,
+            ahead_ns: None,
+            samples_come_late: false,
             restarts: 0,
         }
     }

@@ -1,7 +1,6 @@
 //! The covariance of a GNSS/INS brought up to its state: augmented states, biases that relax, gaps, and the restart.
 
 use super::start_without_inertial::{LevelStart, TILT_STD_ASSUMED};
-use super::stillness::StillnessWindow;
 use super::{Aid, CovarianceStep, ERRORS, ErrorListener, GnssIns, LONGEST_GAP_S, seconds};
 use crate::kalman::CountedGate;
 use crate::navigation::ErrorTransition;
@@ -126,29 +125,6 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             duration,
             &mut self.memory.side,
         );
-    }
-
-    /// Goes on over a time without inertial samples: the velocity is held and everything grows uncertain.
-    pub(super) fn bridge(&mut self, duration: T) {
-        self.memory.gaps = self.memory.gaps.saturating_add(1);
-        if self.memory.aligning {
-            self.feed(T::zero());
-        }
-        (self.memory.unfed_s, self.memory.unfed) = (T::zero(), 0);
-        self.memory.history.clear();
-        self.memory.window = StillnessWindow::default();
-        self.memory.still_windows = 0;
-        if duration > lit(LONGEST_GAP_S) {
-            self.restart();
-        } else if duration > T::zero() {
-            if let (true, Some((_, rate, force))) = (self.memory.aligning, self.memory.last_imu) {
-                // It knows what a gap is.
-                let _ = self.alignment.propagate(&rate, &force, duration);
-            }
-            if self.memory.started {
-                self.hold_velocity(duration);
-            }
-        }
     }
 
     pub(super) fn hold_velocity(&mut self, duration: T) {

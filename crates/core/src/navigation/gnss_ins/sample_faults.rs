@@ -123,22 +123,34 @@ impl<T: Scalar> SampleFaults<T> {
         still: &Vector3<T>,
         dt: T,
     ) -> Usable<T> {
-        let memory = &mut self.sensors[0];
-        let (since_ns, good) = memory.good.unwrap_or((time_ns, *last));
-        memory.saturated_since_ns = None;
-        memory.given = Vector3::zeros();
-        memory.check.interrupt();
-        let age: T = seconds(since_ns, time_ns);
-        let value = self.relaxed(age, &good, still, dt);
-        self.sensors[0].used = value;
+        let unseen = self.unseen_rate(time_ns, last, still, dt);
+        let since_ns = unseen.faulty_since_ns.unwrap_or(time_ns);
         self.log.lasts(Fault {
             sensor: FaultySensor::Gyroscope,
             kind: FaultKind::Missing,
             from_ns: since_ns,
             until_ns: time_ns,
             is_over: false,
-            size: age,
+            size: seconds(since_ns, time_ns),
         });
+        unseen
+    }
+
+    /// Stands for an angular rate of an instant of which there is no sample.
+    pub(super) fn unseen_rate(
+        &mut self,
+        time_ns: i64,
+        last: &Vector3<T>,
+        still: &Vector3<T>,
+        dt: T,
+    ) -> Usable<T> {
+        let memory = &mut self.sensors[0];
+        let (since_ns, good) = memory.good.unwrap_or((time_ns, *last));
+        memory.saturated_since_ns = None;
+        memory.given = Vector3::zeros();
+        memory.check.interrupt();
+        let value = self.relaxed(seconds(since_ns, time_ns), &good, still, dt);
+        self.sensors[0].used = value;
         Usable {
             value,
             owed: Vector3::zeros(),

@@ -194,6 +194,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         *stamp = Some(time_ns);
         if self.config.imu_samples == ImuSamples::None {
             self.go_on_without_samples(time_ns);
+        } else {
+            self.go_on_in_a_gap(time_ns);
         }
         match self.memory.now_ns {
             None => Err(SkipReason::NotInitialized),
