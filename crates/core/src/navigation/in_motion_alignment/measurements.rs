@@ -27,6 +27,8 @@ const FEW_FIXES: u32 = 5;
 /// Among so many first positions a NIS of more says that one of them is wrong.
 const EARLY_FIXES: u32 = 5;
 const CONTRADICTING_NIS: f64 = 100.0;
+/// A tilt less certain than this (rad) is beyond all linearisation: down is better known from the force alone.
+const LOST_TILT_STD: f64 = 0.7;
 /// NIS of three components beyond which a position disagrees: one in thirty does by chance.
 const DISAGREEING_NIS: f64 = 8.7;
 /// Least specific force that shows where down is, as a fraction of gravity.
@@ -143,7 +145,8 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             return AlignmentUpdate::skipped(SkipReason::Numerical);
         };
         let end = &best.end.mean;
-        if end.velocity.norm() > lit(FASTEST_M_S) {
+        let tilt = bank.spread(&self.config).map_or_else(T::zero, |s| s.tilt_std);
+        if end.velocity.norm() > lit(FASTEST_M_S) || tilt > lit(LOST_TILT_STD) {
             self.begin_again(fix);
             return AlignmentUpdate::skipped(SkipReason::NotInitialized);
         }
