@@ -145,7 +145,9 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             return AlignmentUpdate::skipped(SkipReason::Numerical);
         };
         let end = &best.end.mean;
-        let tilt = bank.spread(&self.config).map_or_else(T::zero, |s| s.tilt_std);
+        let tilt = bank
+            .spread(&self.config)
+            .map_or_else(T::zero, |s| s.tilt_std);
         if end.velocity.norm() > lit(FASTEST_M_S) || tilt > lit(LOST_TILT_STD) {
             self.begin_again(fix);
             return AlignmentUpdate::skipped(SkipReason::NotInitialized);

@@ -199,6 +199,25 @@ fn a_gap_makes_uncertain_and_a_long_one_is_the_end() {
     );
 }
 
+#[test]
+fn a_tilt_that_is_lost_is_found_anew_from_the_force() {
+    let mut made = started();
+    let c = InMotionAlignmentConfig::<f64>::default();
+    made.set_noise_densities([5.0, 20.0]);
+    drive(&mut made, 450, 500);
+    made.set_noise_densities([c.gyroscope_noise_density, c.accelerometer_noise_density]);
+    drive(&mut made, 500, 2500);
+    assert_eq!(
+        (made.restarts(), made.status()),
+        (1, AlignmentStatus::Aligned)
+    );
+    let [yaw, pitch, roll] = rotation::to_yaw_pitch_roll(&made.solution().unwrap().ned_from_body);
+    assert!(
+        yaw.abs().max(pitch.abs()).max(roll.abs()) < 0.05,
+        "{yaw} {pitch} {roll}"
+    );
+}
+
 /// Bytes in single precision: what a microcontroller pays.
 #[test]
 fn memory_is_bounded_and_stated() {

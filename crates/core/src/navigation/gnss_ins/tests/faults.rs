@@ -176,6 +176,121 @@ fn a_frozen_gyroscope_is_survived() {
     }
 }
 
+/// Samples wait until a fix says where to cut: with the noise that they had.
+#[test]
+fn what_was_not_seen_while_it_aligns_is_uncertain() {
+    use rand::{RngExt, SeedableRng};
+    let velocity_std = |frozen: bool| {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
+        let mut noise = |std: f64| {
+            Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(rand_distr::StandardNormal))
+        };
+        let mut ins = GnssIns::<f64, 64>::new(config()).unwrap();
+        let (mut motion, mut held) = (Motion::start(), None);
+        for k in 1..=2200_i64 {
+            motion.step(k as f64 * 0.01, 0.01);
+            let (rate, force) = (motion.rate() + noise(2e-3), motion.force() + noise(0.02));
+            let force = if frozen && k > 2000 {
+                *held.get_or_insert(force)
+            } else {
+                force
+            };
+            ins.imu(k * 10_000_000, &rate, &force).unwrap();
+            if k % 100 == 0 {
+                let fix = GnssPosition {
+                    ned: motion.position,
+                    std: Vector3::repeat(0.3),
+                    has_height: true,
+                };
+                ins.gnss_position(k * 10_000_000, &fix);
+            }
+        }
+        assert!(ins.memory.aligning);
+        ins.state().unwrap().velocity_std().xy().norm()
+    };
+    let [seen, unseen] = [false, true].map(velocity_std);
+    assert!(unseen > 0.8 && seen < 0.5 * unseen, "{seen} {unseen}");
+}
+
+/// Goes on for so many seconds; samples come in the seconds that `has_samples`, fixes in all.
+fn go_on(
+    ins: &mut GnssIns<f64, 64>,
+    motion: &mut Motion,
+    from_s: f64,
+    seconds: usize,
+    has_samples: impl Fn(usize) -> bool,
+) -> std::vec::Vec<(f64, Outcome)> {
+    let start_ns = (from_s * 1e9) as i64;
+    let mut seen = std::vec::Vec::new();
+    for k in 1..=100 * seconds {
+        motion.step(from_s + k as f64 * 0.01, 0.01);
+        let time_ns = start_ns + k as i64 * 10_000_000;
+        if has_samples((k - 1) / 100) {
+            let _ = ins.imu(time_ns, &motion.rate(), &motion.force());
+        }
+        if k % 100 == 0 {
+            let fix = GnssPosition {
+                ned: motion.position,
+                std: Vector3::new(0.05, 0.05, 0.1),
+                has_height: true,
+            };
+            let outcome = ins.gnss_position(time_ns, &fix).horizontal.outcome;
+            seen.push((position_error(ins, motion), outcome));
+        }
+    }
+    seen
+}
+
+/// From the second fix in a gap on, that there is one is known, and the position goes on with the fixes.
+#[test]
+fn fixes_in_a_gap_of_the_inertial_samples_are_used() {
+    let (mut ins, mut motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let seen = go_on(&mut ins, &mut motion, 60.0, 20, |second| {
+        !(3..8).contains(&second)
+    });
+    for (second, (error, outcome)) in seen.iter().enumerate().skip(4) {
+        let limit = if second < 8 { 1.0 } else { 0.3 };
+        assert!(
+            outcome.is_fused() && *error < limit,
+            "{second}: {error} {outcome:?}"
+        );
+    }
+    assert_eq!((ins.gaps(), ins.restarts(), ins.realignments()), (1, 0, 0));
+}
+
+/// A unit that delivers its samples many at once, after the fixes of their time: told once, and then no gap is taken for one.
+#[test]
+fn samples_that_come_late_are_no_gap() {
+    let (mut ins, mut motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let mut batches = std::vec::Vec::new();
+    let (mut skipped, mut worst) = (0, 0.0_f64);
+    for k in 1..=2400_i64 {
+        motion.step(60.0 + k as f64 * 0.01, 0.01);
+        let time_ns = 60_000_000_000 + k * 10_000_000;
+        batches.push((time_ns, motion));
+        if k % 20 == 0 {
+            let fix = GnssPosition {
+                ned: motion.position,
+                std: Vector3::new(0.05, 0.05, 0.1),
+                has_height: true,
+            };
+            ins.gnss_position(time_ns, &fix);
+        }
+        if k % 90 == 0 {
+            for (time_ns, motion) in batches.drain(..) {
+                let refused = ins.imu(time_ns, &motion.rate(), &motion.force()).is_err();
+                skipped += u32::from(refused);
+            }
+            worst = worst.max(position_error(&ins, &motion));
+        }
+    }
+    assert!(
+        (1..=90).contains(&skipped),
+        "of the first batch only: {skipped}"
+    );
+    assert!(worst < 2.0, "{worst}");
+}
+
 #[test]
 fn bad_input_is_counted_and_changes_nothing() {
     let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
