@@ -154,7 +154,7 @@ parameters! {
         "standard deviation of heading against course at the start without inertial unit: crab and mount";
     gap_attitude_random_walk: T, "rad/sqrt(s)", From(0.0, 100.0), [0.3],
         "random walk of the attitude while there are no inertial samples",
-        "0.02 for a ship without any.";
+        "With a gyroscope it is that of the motion before as soon as that is known. 0.02 for a ship without any.";
     gap_velocity_random_walk: T, "m/s/sqrt(s)", From(0.0, 1e3), [2.0],
         "random walk of the velocity then",
         "0.1 for a ship without any.";

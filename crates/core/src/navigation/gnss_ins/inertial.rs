@@ -14,13 +14,13 @@ use crate::kalman::innovation::check_vector;
 use crate::navigation::Validity;
 use crate::navigation::history::HeldSample;
 use crate::navigation::in_motion_alignment::AlignmentStatus;
-use crate::scalar::{Scalar, lit, to_f64};
+use crate::scalar::{Scalar, lit};
 
 /// A body stands when its velocity is below so many of its standard deviations, and these below this, m/s.
 const STANDING_SIGMAS: f64 = 3.0;
 pub(super) const STANDING_SPEED: f64 = 0.3;
-/// Over a gap it goes in steps of this, s.
-const BRIDGED_BY_S: f64 = 0.1;
+/// Over a gap it goes in steps of this, ns.
+const BRIDGED_BY_NS: i64 = 100_000_000;
 /// Earth's mean radius, m: how gravity turns and falls with position.
 const EARTH_RADIUS_M: f64 = 6.371e6;
 /// Nearer to the origin than this (m) the first order is enough: it is off by 0.1 mm/s^2.
@@ -153,17 +153,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Goes on over a time (ns) without inertial samples, as F4 has it for the angular rate; the velocity is held. `last` are the angular
     /// rate and the specific force before.
     pub(super) fn bridge(&mut self, [from_ns, until_ns]: [i64; 2], last: [&Vector3<T>; 2]) {
-        let duration: T = seconds(from_ns, until_ns);
-        let steps = to_f64(duration / lit(BRIDGED_BY_S))
-            .ceil()
-            .clamp(1.0, 100.0);
-        let dt = duration / lit(steps);
-        if dt <= T::zero() {
-            return;
-        }
-        for step in 1..=steps as i64 {
-            let left = (until_ns - from_ns) * (steps as i64 - step) / steps as i64;
-            let time_ns = until_ns - left;
+        let mut now_ns = from_ns;
+        while now_ns < until_ns {
+            let time_ns = now_ns.saturating_add(BRIDGED_BY_NS).min(until_ns);
+            let dt: T = seconds(now_ns, time_ns);
+            now_ns = time_ns;
             self.memory.now_ns = Some(time_ns);
             let (still, rest) = self.at_rest(last[1]);
             let faults = &mut self.memory.faults;
