@@ -476,7 +476,7 @@ fn how_long_errors_of_the_heading_last_is_learnt_and_said() {
     contains(
         &text,
         &[
-            "a correlation time of 3.55 s is used for the error of the own ship's heading",
+            "a correlation time of 3.60 s is used for the error of the own ship's heading",
             "targets are taken to stay visible for",
         ],
     );

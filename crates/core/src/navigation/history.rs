@@ -24,9 +24,9 @@ pub struct HeldSample<T: Scalar> {
     pub specific_force: Vector3<T>,
     /// The interval, s.
     pub dt: T,
-    /// Noise densities of gyroscope, (rad/s)/sqrt(Hz), and accelerometer, (m/s^2)/sqrt(Hz), in it: large where something stands for a
-    /// sample that was not measured.
-    pub noise_densities: [T; 2],
+    /// Noise densities of gyroscope, (rad/s)/sqrt(Hz), and accelerometer, (m/s^2)/sqrt(Hz), where something stands for a sample that
+    /// was not measured; 0 where it was.
+    pub unseen: [T; 2],
 }
 
 /// The last samples.
@@ -71,7 +71,7 @@ impl<T: Scalar, const N: usize> Default for ImuHistory<T, N> {
             angular_rate: Vector3::zeros(),
             specific_force: Vector3::zeros(),
             dt: T::zero(),
-            noise_densities: [T::zero(); 2],
+            unseen: [T::zero(); 2],
         };
         Self {
             steps: [none; N],
@@ -96,7 +96,7 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
     pub(super) fn check(&self) -> Result<(), InvalidState> {
         let numbers = |step: &HeldSample<T>| {
             let vectors = step.angular_rate.norm_squared() + step.specific_force.norm_squared();
-            let [gyroscope, accelerometer] = step.noise_densities;
+            let [gyroscope, accelerometer] = step.unseen;
             (vectors + gyroscope + accelerometer).is_finite() && step.dt.is_finite()
         };
         expect("history", self.steps.iter().all(numbers), "finite")?;
@@ -254,7 +254,7 @@ mod tests {
             angular_rate: *rate,
             specific_force: *force,
             dt: DT,
-            noise_densities: [1e-3, 0.01],
+            unseen: [0.0; 2],
         }
     }
 

@@ -79,7 +79,7 @@ fn true_instant(x: &Errors, age: Dual) -> Instant<Dual> {
             angular_rate: real(&rate),
             specific_force: real(&force),
             dt: Dual::from(DT),
-            noise_densities: [Dual::from(0.0); 2],
+            unseen: [Dual::from(0.0); 2],
         });
     }
     history.at(&truth, Dual::from(GRAVITY), age)
@@ -93,7 +93,7 @@ fn instant(age: f64) -> Instant<f64> {
             angular_rate: rate,
             specific_force: force,
             dt: DT,
-            noise_densities: [0.0; 2],
+            unseen: [0.0; 2],
         });
     }
     history.at(&state(), GRAVITY, age)

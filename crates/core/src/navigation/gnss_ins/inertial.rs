@@ -100,7 +100,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let force = force + specific_force.owed / dt;
         if angular_rate.faulty_since_ns.is_none() && specific_force.faulty_since_ns.is_none() {
             self.expect_vibration(&angular_rate, &specific_force, dt);
-            self.step(&rate, &force, dt);
+            self.step(&rate, &force, dt, [T::zero(); 2]);
         } else {
             self.step_unseen(
                 time_ns,
@@ -248,10 +248,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         dt: T,
     ) {
         self.catch_up();
-        let before = {
-            let c = self.filter.config();
-            [c.gyroscope_noise_density, c.accelerometer_noise_density]
-        };
+        let before = self.measured_noise();
         let turn = self.memory.faults.unseen_turn(angular_rate, time_ns, dt);
         let mut widened = [before[0].max((turn / dt).sqrt()), before[1]];
         if specific_force.faulty_since_ns.is_some() {
@@ -259,7 +256,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         self.filter.set_noise_densities(widened);
         self.alignment.samples_are_unseen();
-        self.step(rate, force, dt);
+        self.step(rate, force, dt, widened);
         self.catch_up();
         self.filter.set_noise_densities(before);
         self.memory.window = StillnessWindow::default();
@@ -291,14 +288,23 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         let (rate, force) = (&angular_rate.value, &specific_force.value);
         self.memory.vibration.add(rate, force, dt);
-        let c = &self.config;
-        let stated = [c.gyroscope_noise_density, c.accelerometer_noise_density];
-        let densities = self.memory.vibration.noise_densities(stated);
+        let densities = self.measured_noise();
         self.filter.set_noise_densities(densities);
     }
 
-    /// Moves on by `dt` with a rate and force that held over it.
-    fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
+    /// Noise densities of samples that are measured: as set, or as they show.
+    pub(super) fn measured_noise(&self) -> [T; 2] {
+        let c = &self.config;
+        let stated = [c.gyroscope_noise_density, c.accelerometer_noise_density];
+        if c.vibration_noise {
+            self.memory.vibration.noise_densities(stated)
+        } else {
+            stated
+        }
+    }
+
+    /// Moves on by `dt` with a rate and force that held over it; `unseen` are their noise densities where they were not measured.
+    fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T, unseen: [T; 2]) {
         let window = self.memory.window.add(rate, force, self.config.gravity, dt);
         if let Some(window) = &window {
             let stands = self.memory.stands_until_ns >= self.memory.now_ns || self.seems_to_stand();
@@ -311,12 +317,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         };
         // Cannot be refused: checked above, and the interval is positive and short.
         if !self.memory.started || self.filter.propagate(&rate, &force, dt).is_ok() {
-            let c = self.filter.config();
             self.memory.history.push(&HeldSample {
                 angular_rate: rate,
                 specific_force: force,
                 dt,
-                noise_densities: [c.gyroscope_noise_density, c.accelerometer_noise_density],
+                unseen,
             });
         }
         if self.memory.aligning {

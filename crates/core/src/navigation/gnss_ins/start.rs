@@ -109,6 +109,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Gives the alignment the samples up to `age` seconds ago; ahead of the newest one, that one is held.
     pub(super) fn feed(&mut self, age: T) {
+        let measured = self.measured_noise();
         let memory = &mut self.memory;
         let mut left = memory.unfed_s - age;
         if left <= T::zero() {
@@ -119,7 +120,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             let part = sample.dt.min(left);
             if part > T::zero() {
                 let (rate, force) = (&sample.angular_rate, &sample.specific_force);
-                self.alignment.set_noise_densities(sample.noise_densities);
+                let noise = larger(measured, sample.unseen);
+                self.alignment.set_noise_densities(noise);
                 let _ = self.alignment.propagate(rate, force, part);
             }
             left -= part;
@@ -322,14 +324,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return;
         }
         let history = self.memory.history;
-        let c = self.filter.config();
-        let now = [c.gyroscope_noise_density, c.accelerometer_noise_density];
-        let mut noise = now;
+        let measured = self.measured_noise();
+        let mut noise = measured;
         for sample in history.since(behind) {
             let (rate, force) = (&sample.angular_rate, &sample.specific_force);
-            if sample.noise_densities != noise {
+            let own = larger(measured, sample.unseen);
+            if own != noise {
                 self.catch_up();
-                noise = sample.noise_densities;
+                noise = own;
                 self.filter.set_noise_densities(noise);
             }
             if sample.dt > T::zero()
@@ -340,7 +342,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             }
         }
         self.catch_up();
-        self.filter.set_noise_densities(now);
+        self.filter.set_noise_densities(measured);
     }
 
     /// Starts, or starts again, at `time_ns` from a state that is known otherwise: kept from before, or another system's.
@@ -395,6 +397,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.listener.restarted();
         true
     }
+}
+
+/// The larger of two, each.
+fn larger<T: Scalar>(a: [T; 2], b: [T; 2]) -> [T; 2] {
+    [a[0].max(b[0]), a[1].max(b[1])]
 }
 
 /// The record of a position as that of its horizontal and its vertical part.

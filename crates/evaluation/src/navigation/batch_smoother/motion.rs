@@ -184,7 +184,7 @@ impl Strapdown<'_> {
                 angular_rate: rate,
                 specific_force: force,
                 dt,
-                noise_densities: [0.0; 2],
+                unseen: [0.0; 2],
             });
             (at_ns, next) = (until_ns, next + 1);
         }
