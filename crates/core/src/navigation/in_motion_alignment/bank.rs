@@ -237,7 +237,7 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
     }
 
     /// Standard deviations of heading and tilt of the mixture about the best hypothesis (W18).
-    pub(super) fn spread(&self, config: &InMotionAlignmentConfig<T>) -> Option<Spread<T>> {
+    fn spread(&self, config: &InMotionAlignmentConfig<T>) -> Option<Spread<T>> {
         let best = self.best()?.end.mean.ned_from_body.inverse();
         let (mut total, mut heading, mut tilt) = (T::zero(), T::zero(), T::zero());
         for hypothesis in self.in_use() {

@@ -10,7 +10,7 @@ use crate::kalman::covariance::normalized_square3;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, SkipReason};
 use crate::navigation::preintegration::Preintegration;
-use crate::navigation::{GnssPosition, GnssVelocity, NavigationState};
+use crate::navigation::{ATTITUDE, GnssPosition, GnssVelocity, NavigationState};
 use crate::scalar::{Scalar, lit};
 
 /// Where a position may be, m from the origin in each direction.
@@ -145,9 +145,8 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             return AlignmentUpdate::skipped(SkipReason::Numerical);
         };
         let end = &best.end.mean;
-        let tilt = bank
-            .spread(&self.config)
-            .map_or_else(T::zero, |s| s.tilt_std);
+        let [roll, pitch] = [0, 1].map(|i| best.end.covariance.variance(ATTITUDE + i));
+        let tilt = roll.max(pitch).sqrt();
         if end.velocity.norm() > lit(FASTEST_M_S) || tilt > lit(LOST_TILT_STD) {
             self.begin_again(fix);
             return AlignmentUpdate::skipped(SkipReason::NotInitialized);
