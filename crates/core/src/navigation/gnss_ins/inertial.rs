@@ -79,6 +79,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if dt > lit(GAP_LIMIT_S) {
             self.memory.gaps = self.memory.gaps.saturating_add(1);
             if dt > lit(LONGEST_GAP_S) {
+                self.memory.window = StillnessWindow::default();
+                self.memory.still_windows = 0;
                 self.restart();
             } else {
                 let from_ns = now.unwrap_or(last_ns);
