@@ -197,7 +197,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         self.memory.bank.as_ref().map_or(0, |b| b.in_use().len())
     }
 
-    /// How often it began again: after a gap, and where fixes disagreed with all that was before.
+    /// How often it began again: after a gap, where fixes disagreed with all that was before, and where the tilt was lost.
     pub fn restarts(&self) -> u32 {
         self.memory.restarts
     }

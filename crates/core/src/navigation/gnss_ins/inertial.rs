@@ -177,9 +177,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let Some((last_ns, ..)) = self.memory.last_imu else {
             return true;
         };
+        let newer = time_ns > last_ns;
         let bridged = self.memory.now_ns.is_some_and(|now| time_ns <= now);
-        self.memory.samples_come_late |= time_ns > last_ns && bridged;
-        time_ns > last_ns && !bridged
+        // One that goes on from the last: what was bridged was no gap.
+        let goes_on = seconds::<T>(last_ns, time_ns) <= lit(GAP_LIMIT_S);
+        self.memory.samples_come_late |= newer && bridged && goes_on;
+        newer && !bridged
     }
 
     /// Goes on to the instant of a measurement behind a gap of the inertial samples. A second stamp must say so, before the next sample

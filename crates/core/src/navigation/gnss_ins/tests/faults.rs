@@ -256,6 +256,19 @@ fn fixes_in_a_gap_of_the_inertial_samples_are_used() {
         );
     }
     assert_eq!((ins.gaps(), ins.restarts(), ins.realignments()), (1, 0, 0));
+    // Neither does the first sample behind the gap, which comes just after a fix of a later stamp, make it none.
+    let now = ins.time_ns().unwrap();
+    for second in [1, 2] {
+        let fix = GnssPosition {
+            ned: motion.position,
+            std: Vector3::repeat(5.0),
+            has_height: true,
+        };
+        ins.gnss_position(now + second * 1_000_000_000, &fix);
+    }
+    let straggler = ins.imu(now + 1_990_000_000, &motion.rate(), &motion.force());
+    assert_eq!(straggler, Err(SkipReason::NotNewer));
+    assert!(!ins.memory.samples_come_late);
 }
 
 /// A unit that delivers its samples many at once, after the fixes of their time: told once, and then no gap is taken for one.
@@ -284,6 +297,7 @@ fn samples_that_come_late_are_no_gap() {
             worst = worst.max(position_error(&ins, &motion));
         }
     }
+    assert!(ins.memory.samples_come_late);
     assert!(
         (1..=90).contains(&skipped),
         "of the first batch only: {skipped}"
