@@ -2,8 +2,9 @@
 //!
 //! The device may move while it happens: every sample is turned back to the attitude of the first
 //! instant by integrating the gyroscope, averaged there, and TRIAD on the averages (gravity exact)
-//! gives the attitude (`attitude::wahba`). Strength and dip of the reference field are those just
-//! measured, so a start near a magnet gives a wrong field: better a calibration than a guess.
+//! gives the attitude (`attitude::wahba`). How much the forces scatter says how uncertain it is. Strength
+//! and dip of the reference field are those just measured, so a start near a magnet gives a wrong
+//! field: better a calibration than a guess.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -64,6 +65,8 @@ pub struct Alignment<T: Scalar> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Mean<T: Scalar> {
     sum: Vector3<T>,
+    /// Of their squares.
+    square: T,
     count: u32,
 }
 
@@ -71,18 +74,26 @@ impl<T: Scalar> Mean<T> {
     fn empty() -> Self {
         Self {
             sum: Vector3::zeros(),
+            square: T::zero(),
             count: 0,
         }
     }
 
     fn add(&mut self, v: Vector3<T>) {
         self.sum += v;
+        self.square += v.norm_squared();
         self.count = self.count.saturating_add(1);
     }
 
     fn value(&self) -> Option<Vector3<T>> {
         let mean = self.sum / lit::<T>(f64::from(self.count.max(1)));
         (self.count > 0 && check_vector(&mean, lit(1e-3), lit(1e6)).is_ok()).then_some(mean)
+    }
+
+    /// Mean square of their deviation from the mean.
+    fn scatter(&self) -> T {
+        let count = lit::<T>(f64::from(self.count.max(1)));
+        (self.square / count - (self.sum / count).norm_squared()).max(T::zero())
     }
 }
 
@@ -188,7 +199,7 @@ impl<T: Scalar> Alignment<T> {
         let field = self.magnetic_field.value();
         let unknown = start.unknown_std;
         let gravity_up = frame.specific_force_at_rest(self.prior.gravity);
-        let (tilt, heading) = (start.tilt_std, start.heading_std);
+        let (tilt, heading) = self.level_std(start);
         let (ref_from_first, tilt_std, heading_std) = match (force, field) {
             (Some(f), Some(m)) => match wahba::triad(&f, &m, &frame.up(), &frame.north()) {
                 Some(q) => (q, tilt, heading),
@@ -216,6 +227,17 @@ impl<T: Scalar> Alignment<T> {
                 magnetic_field,
             },
         }
+    }
+
+    /// Standard deviations of tilt and heading, rad: those of a quiet start, and what motion adds. A mean of forces that
+    /// scatter, or that is longer than gravity, is that far from being gravity.
+    fn level_std(&self, start: &StartUncertainty<T>) -> (T, T) {
+        let gravity = self.prior.gravity;
+        let force = self.specific_force.value();
+        let longer = force.map_or(T::zero(), |f| f.norm() - gravity);
+        let moved2 = (self.specific_force.scatter() + longer * longer) / (gravity * gravity);
+        let with = |std: T| (std * std + moved2).sqrt().min(start.unknown_std);
+        (with(start.tilt_std), with(start.heading_std))
     }
 
     /// The field known beforehand, else the one just measured with its horizontal part north.
@@ -290,7 +312,8 @@ mod tests {
     fn without_a_magnetometer_the_start_defines_the_heading() {
         let mut alignment = Alignment::new(Prior::<f64>::default());
         let truth = so3::exp(&Vector3::new(0.4, -0.3, 0.0));
-        assert!(alignment.add_specific_force(&(truth.inverse() * Vector3::new(0.0, 0.0, 9.8))));
+        let at_rest = Vector3::new(0.0, 0.0, 9.806_65);
+        assert!(alignment.add_specific_force(&(truth.inverse() * at_rest)));
         let start = alignment.finish(&config());
         assert_relative_eq!(
             start.attitude.inverse() * Vector3::z(),
@@ -304,6 +327,32 @@ mod tests {
             0.1 * 0.1,
             epsilon = 1e-12
         );
+    }
+
+    /// GIVEN somebody who runs while it is aligned WHEN it starts THEN the tilt is as uncertain as the force says, and it is
+    /// within three of that; at rest it is what is configured.
+    #[test]
+    fn a_start_in_motion_is_less_certain() {
+        let tilt = |strides_hz: f64, shake: f64, phase: f64| {
+            let mut alignment = Alignment::new(Prior::<f64>::default());
+            for k in 0..50 {
+                let t = f64::from(k) * 0.01 * core::f64::consts::TAU * strides_hz + phase;
+                let force = Vector3::new(shake * t.sin(), 0.5 * shake * t.cos(), 9.806_65);
+                assert!(alignment.add_specific_force(&force));
+            }
+            let start = alignment.finish(&config());
+            let up = start.attitude.inverse() * Vector3::z();
+            let std = start.attitude_covariance[(0, 0)].sqrt();
+            (up.angle(&Vector3::z()), std)
+        };
+        let (_, at_rest) = tilt(2.5, 0.0, 0.0);
+        assert_relative_eq!(at_rest, 0.1, epsilon = 1e-9);
+        for phase in [0.0, 0.7, 1.5, 2.2, 3.0] {
+            for strides_hz in [0.5, 1.0, 2.5] {
+                let (error, std) = tilt(strides_hz, 12.0, phase);
+                assert!(error < 3.0 * std && std > 0.3, "{error} {std}");
+            }
+        }
     }
 
     #[test]
