@@ -6,9 +6,9 @@
 //!
 //! Use it for what people carry: accelerations that last, fields that are disturbed, magnetometers
 //! that nobody calibrated. A hand does not stay fast for long, so the integral of its acceleration
-//! is bounded: "velocity is near zero" replaces "the accelerometer shows gravity". Do not use it in
-//! vehicles, whose velocity is not bounded, nor feed it a field whose strength a system has made
-//! constant: its errors then cannot be seen.
+//! is bounded: "velocity is near zero" replaces "the accelerometer shows gravity". Vehicles are found by
+//! their speed, some seconds late. Do not feed it a field whose strength a system has made constant:
+//! its errors then cannot be seen.
 //!
 //! # Model
 //!
@@ -39,6 +39,7 @@
 //! | residuals, rows, injection | `updates.rs` |
 //! | is it at rest | `rest.rs` |
 //! | how far from zero is the velocity | `velocity_noise.rs` |
+//! | is it a hand or a vehicle | `speed_hypotheses.rs` |
 //! | what a smoother records | `steps.rs` |
 //! | how good is a field | `field_quality.rs` |
 //!
@@ -55,6 +56,7 @@ mod field_quality;
 pub mod layout;
 pub mod propagation;
 pub mod rest;
+pub mod speed_hypotheses;
 mod state;
 pub mod steps;
 pub mod updates;
@@ -189,6 +191,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let psd = config.angle_noise_psd(&rate, measured);
         let scale = state.layout.scale();
         state.sums.add_rate(scale, &middle, measured, dt, psd);
+        state.speed_hypotheses.rate(&middle, dt, psd * dt);
         state.rate_sum += measured * dt;
         state.rest.rate(config, &state.initial_bias, measured, dt);
         state.since_force += dt;
@@ -236,7 +239,8 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
     fn restart_with_bias(&mut self, initial: &InitialState<T>) {
         if initial.is_usable() {
             self.propagate_covariance();
-            (self.state).set_bias(&initial.gyroscope_bias, initial.gyroscope_bias_std);
+            let (bias, std) = (&initial.gyroscope_bias, initial.gyroscope_bias_std);
+            self.state.set_bias(&self.config, bias, std);
             self.restart(initial);
         }
     }
@@ -281,6 +285,7 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         }
         // What was summed so far belongs to the time before.
         self.propagate_covariance();
+        self.state.speed_hypotheses.widen(variance);
         self.tell(Moment::Leaving(&Step::Widening));
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
         for i in ATTITUDE..ATTITUDE + 3 {

@@ -6,6 +6,7 @@ use super::config::{BoundedVelocityConfig, ScaleStates};
 use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
 use super::propagation::Sums;
 use super::rest::RestDetector;
+use super::speed_hypotheses::{Hypothesis, SpeedHypotheses};
 use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
 use crate::attitude::propagation::LARGEST_BIAS_RAD_S;
@@ -23,6 +24,17 @@ const INITIAL_SQUARE_ACCELERATION: f64 = 1.0;
 const LARGEST_SCALE: f64 = 10.0;
 const LARGEST_VELOCITY_M_S: f64 = 1e4;
 const LARGEST_FIELD_UT: f64 = 1e6;
+
+/// Where the states of a hypothesis of the speed are among the filter's.
+const PLACES: [usize; 7] = [
+    ATTITUDE,
+    ATTITUDE + 1,
+    VELOCITY,
+    VELOCITY + 1,
+    BIAS,
+    BIAS + 1,
+    BIAS + 2,
+];
 
 /// Save it, restore it, and the filter continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +68,8 @@ pub struct BoundedVelocityState<T: Scalar> {
     pub mean_square_acceleration: T,
     /// What is known of the velocity of whatever carries the device.
     pub velocity_noise: VelocityNoise<T>,
+    /// How fast that is.
+    pub speed_hypotheses: SpeedHypotheses<T>,
     /// By how much the last field's strength and dip raised its variance: one is perfect.
     pub field_variance_factor: T,
     /// Weight of the last field under Student's t: one fits.
@@ -113,6 +127,9 @@ impl<T: Scalar> BoundedVelocityState<T> {
         finite("sums", self.sums.numbers())?;
         finite("rest", self.rest.numbers())?;
         finite("velocity_noise", self.velocity_noise.numbers())?;
+        finite("speed_hypotheses", self.speed_hypotheses.numbers())?;
+        let valid = self.speed_hypotheses.is_valid();
+        expect("speed_hypotheses", valid, "the number of a hypothesis")?;
         not_negative(
             "times and sizes",
             [
@@ -146,6 +163,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             rest: RestDetector::default(),
             mean_square_acceleration: lit(INITIAL_SQUARE_ACCELERATION),
             velocity_noise: VelocityNoise::new(config),
+            speed_hypotheses: SpeedHypotheses::new(config, zero, zero),
             field_variance_factor: T::one(),
             field_weight: T::one(),
             angular_rate: Vector3::zeros(),
@@ -206,6 +224,8 @@ impl<T: Scalar> BoundedVelocityState<T> {
         state.covariance = Covariance::zeros();
         state.set_attitude_covariance(&initial.attitude_covariance);
         state.set_other_variances(config, bias_std);
+        let (tilt, bias) = state.tilt_and_bias_variance();
+        state.speed_hypotheses = SpeedHypotheses::new(config, tilt, bias);
         Some(state)
     }
 
@@ -221,10 +241,49 @@ impl<T: Scalar> BoundedVelocityState<T> {
         self.set_attitude_covariance(&initial.attitude_covariance);
         let velocity = config.initial_velocity_std;
         self.set_variance(VELOCITY, 2, velocity * velocity);
+        self.agree_about_the_speed(config);
+    }
+
+    /// Mean variances of the tilt about a level axis, rad^2, and of the gyroscope bias of an axis, (rad/s)^2.
+    fn tilt_and_bias_variance(&self) -> (T, T) {
+        let p = &self.covariance;
+        let tilt = p.fixed_view::<2, 2>(ATTITUDE, ATTITUDE).trace() / lit(2.0);
+        let bias = p.fixed_view::<3, 3>(BIAS, BIAS).trace() / lit(3.0);
+        (tilt, bias)
+    }
+
+    /// The hypotheses of how fast it moves agree about the tilt and the bias: with this state.
+    pub(super) fn agree_about_the_speed(&mut self, config: &BoundedVelocityConfig<T>) {
+        let (tilt, bias) = self.tilt_and_bias_variance();
+        self.speed_hypotheses.agree(config, tilt, bias);
+    }
+
+    /// Takes the covariance of a hypothesis; its tilt, velocity and bias are independent of all else from now on. Gives the
+    /// correction that is its estimate.
+    pub(super) fn take_covariance(&mut self, hypothesis: &Hypothesis<T>) -> Correction<T> {
+        let mut correction = Correction::zeros();
+        for (i, value) in PLACES.iter().zip(hypothesis.x.iter()) {
+            self.covariance.row_mut(*i).fill(T::zero());
+            self.covariance.column_mut(*i).fill(T::zero());
+            correction[*i] = *value;
+        }
+        for (i, column) in PLACES.iter().zip(hypothesis.p.column_iter()) {
+            for (j, value) in PLACES.iter().zip(column.iter()) {
+                self.covariance[(*i, *j)] = *value;
+            }
+        }
+        correction[VELOCITY] -= self.velocity.x;
+        correction[VELOCITY + 1] -= self.velocity.y;
+        correction
     }
 
     /// Another gyroscope bias (rad/s), which has nothing to do with the one before but for its `std`.
-    pub(super) fn set_bias(&mut self, bias: &Vector3<T>, std: T) {
+    pub(super) fn set_bias(
+        &mut self,
+        config: &BoundedVelocityConfig<T>,
+        bias: &Vector3<T>,
+        std: T,
+    ) {
         self.gyroscope_bias = *bias;
         self.initial_bias = *bias;
         for i in BIAS..BIAS + 3 {
@@ -232,6 +291,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             self.covariance.column_mut(i).fill(T::zero());
         }
         self.set_variance(BIAS, 3, std * std);
+        self.agree_about_the_speed(config);
     }
 
     /// From body axes, where the attitude is.

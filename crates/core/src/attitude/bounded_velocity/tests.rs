@@ -15,6 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
+use std::vec::Vec;
 
 const FIELD: [f64; 2] = [27.0, 33.0];
 
@@ -147,6 +148,61 @@ fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_consistent_covariance() 
     let iron = state.hard_iron_ut - errors.hard_iron;
     assert!(iron.amax() < 1.0, "{iron}");
     assert!(is_sound(&f));
+}
+
+/// A car that stands, gets to 15 m/s, goes on, brakes and starts again; errors of the tilt from 5 s on in standard deviations,
+/// and their root mean square in degrees.
+fn drive(config: BoundedVelocityConfig<f64>) -> (Vec<f64>, f64) {
+    let mut f = BoundedVelocity::new(config).unwrap();
+    let mut start = initial(TangentFrame::Enu, UnitQuaternion::identity());
+    start.references.magnetic_field = None;
+    f.initialize(&start);
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let mut noise = |std: f64| Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(StandardNormal));
+    let (mut sigmas, mut square) = (Vec::new(), 0.0);
+    for k in 0..9000 {
+        let acceleration = match k % 4500 {
+            800..1400 => 2.5,
+            2600..3100 => -3.0,
+            _ => 0.0,
+        };
+        f.propagate(&(noise(0.01) + Vector3::new(0.002, -0.004, 0.001)), 0.01);
+        f.update_accelerometer(&(noise(0.5) + Vector3::new(acceleration, 0.0, 9.81)));
+        if k > 500 {
+            let error = so3::log(&f.state.level_from_body).xy();
+            let std = f.state.covariance.fixed_view::<2, 2>(0, 0).trace().sqrt();
+            sigmas.push(error.norm() / std);
+            square += error.norm_squared();
+        }
+    }
+    let rms = (square / sigmas.len() as f64).sqrt();
+    (sigmas, rms.to_degrees())
+}
+
+#[test]
+fn a_car_is_no_hand() {
+    let outside = |sigmas: &[f64]| {
+        let count = sigmas.iter().filter(|s| **s > 2.0).count();
+        count as f64 / sigmas.len() as f64
+    };
+    let config = BoundedVelocityConfig::<f64>::lab();
+    let (sigmas, rms) = drive(config);
+    assert!(
+        outside(&sigmas) < 0.1 && rms < 2.5,
+        "{} {rms}",
+        outside(&sigmas)
+    );
+    // So slow are all hypotheses together that the slowest is any of them: nothing is learnt of the speed.
+    let hand = BoundedVelocityConfig {
+        hand_velocity_std: 1e4,
+        ..config
+    };
+    let (sigmas, wrong) = drive(hand);
+    assert!(
+        outside(&sigmas) > 0.3 && wrong > 2.0 * rms,
+        "{} {wrong} {rms}",
+        outside(&sigmas)
+    );
 }
 
 #[test]

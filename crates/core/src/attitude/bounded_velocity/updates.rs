@@ -58,6 +58,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let psd = self.config.velocity_noise_psd(acceleration2, measured);
         let felt = tilt_force(&level, state.has_field);
         state.sums.add_force(&felt, dt, psd);
+        state.speed_hypotheses.force(&level, dt, psd * dt);
         state.rest.force(&self.config, measured, dt);
         let half = dt * lit(0.5);
         if dt <= T::zero() || state.since_velocity_update + half < self.config.update_interval_s {
@@ -79,6 +80,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             state.covariance[(i, i)] = variance;
         }
         state.rest.wake();
+        state.speed_hypotheses.forget_velocity(&self.config);
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();
         self.tell(Moment::Predicted);
@@ -88,12 +90,15 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     /// (B13).
     fn update_velocity(&mut self) -> Innovation<T> {
         self.propagate_covariance();
+        self.look_at_the_speed();
         let config = &self.config;
         let state = &mut self.state;
         let time = state.since_velocity_update;
         let resting = state.rest.is_resting();
         let slow = resting.then(|| state.rest.slow_motion_psd(config, state.gravity));
-        let psd = Self::velocity_psd(config, state, slow.map(|(_, motion)| motion));
+        // A vehicle that does not accelerate may move.
+        let stands = slow.filter(|_| !state.speed_hypotheses.is_vehicle());
+        let psd = Self::velocity_psd(config, state, stands.map(|(_, motion)| motion));
         let variance = psd / time;
         let residual = -state.velocity;
         let (active, p) = (state.layout.len(), &mut state.covariance);
@@ -120,6 +125,23 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         }
     }
 
+    /// Weighs how fast the device is carried, and where it is faster than the filter thought, takes over what is estimated
+    /// under that hypothesis (B11h): its own tilt is wrong and too sure. A hand's rest says nothing about the speed.
+    fn look_at_the_speed(&mut self) {
+        if !self.state.speed_hypotheses.is_due() {
+            return;
+        }
+        if self.state.rest.is_resting() && !self.state.speed_hypotheses.is_vehicle() {
+            self.state.agree_about_the_speed(&self.config);
+            return;
+        }
+        if let Some(faster) = self.state.speed_hypotheses.look(&self.config) {
+            let correction = self.state.take_covariance(&faster);
+            self.apply(&correction);
+            self.tell(Moment::Started);
+        }
+    }
+
     /// Noise of `velocity is zero` (B11 to B11c), at rest with what may move all the same (B14).
     #[inline]
     fn velocity_psd(
@@ -137,7 +159,8 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let covariance = state.covariance.fixed_view::<2, 2>(VELOCITY, VELOCITY);
         let (velocity, time) = (state.velocity, state.since_velocity_update);
         (state.velocity_noise).learn(config, &velocity, &covariance.into_owned(), time);
-        of_hand.max(state.velocity_noise.psd())
+        let psd = of_hand.max(state.velocity_noise.psd());
+        (state.speed_hypotheses.psd(config)).map_or(psd, |of_vehicle| psd.max(of_vehicle))
     }
 
     /// The field, where an update is due.
@@ -271,17 +294,24 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     /// taken, and no state leaves what its sensor can have.
     #[inline]
     pub(super) fn inject(&mut self, x: &Correction<T>) {
-        let state = &mut self.state;
-        if !x.norm_squared().is_finite() {
-            return;
+        if x.norm_squared().is_finite() {
+            self.apply(x);
+            self.tell(Moment::Corrected);
         }
+    }
+
+    /// The same, of what is finite, without telling anybody.
+    #[inline]
+    fn apply(&mut self, x: &Correction<T>) {
+        let state = &mut self.state;
+        let bias = Vector3::new(x[BIAS], x[BIAS + 1], x[BIAS + 2]);
+        let tilt = Vector2::new(x[ATTITUDE], x[ATTITUDE + 1]);
+        state.speed_hypotheses.corrected(&tilt, &bias);
         let turn = so3::exp(&Vector3::new(x[0], x[1], x[2]));
         state.level_from_body = rotation::renormalize(&(turn * state.level_from_body));
         state.velocity.x += x[VELOCITY];
         state.velocity.y += x[VELOCITY + 1];
-        for i in 0..3 {
-            state.gyroscope_bias[i] += x[BIAS + i];
-        }
+        state.gyroscope_bias += bias;
         state.add_scale(x);
         let tail = |first: usize, i: usize| x.as_slice().get(first + i).copied();
         if let Some(first) = state.layout.field() {
@@ -295,7 +325,6 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             }
         }
         state.hold_within_limits();
-        self.tell(Moment::Corrected);
     }
 }
 
