@@ -32,12 +32,12 @@ typedef double northing_real;
 
 #if defined(NORTHING_DOUBLE)
 // Words of the memory of each filter.
-#define NORTHING_BOUNDED_VELOCITY_WORDS 1500
+#define NORTHING_BOUNDED_VELOCITY_WORDS 1800
 #endif
 
 #if !defined(NORTHING_DOUBLE)
 // Words of the memory of each filter.
-#define NORTHING_BOUNDED_VELOCITY_WORDS 800
+#define NORTHING_BOUNDED_VELOCITY_WORDS 960
 #endif
 
 #if defined(NORTHING_DOUBLE)

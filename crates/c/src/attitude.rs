@@ -38,10 +38,10 @@ pub const NORTHING_MEKF_WORDS: usize = 900;
 pub const NORTHING_MEKF_WORDS: usize = 500;
 /// Words of the memory of each filter.
 #[cfg(feature = "double")]
-pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 1500;
+pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 1800;
 /// Words of the memory of each filter.
 #[cfg(not(feature = "double"))]
-pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 800;
+pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 960;
 
 /// The multiplicative extended Kalman filter: attitude and gyroscope bias. Yours to keep; copy it by assignment.
 #[repr(C)]

@@ -171,6 +171,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             walk(config.hard_iron_random_walk_ut),
         ];
         let (sums, p) = (&state.sums, &mut state.covariance);
+        state.speed_hypotheses.advance(sums);
         sums.propagate_covariance(p, &state.layout, variances);
         let limit = config.maximum_attitude_std * config.maximum_attitude_std;
         state.cap_variances(limit);
@@ -191,7 +192,6 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let psd = config.angle_noise_psd(&rate, measured);
         let scale = state.layout.scale();
         state.sums.add_rate(scale, &middle, measured, dt, psd);
-        state.speed_hypotheses.rate(&middle, dt, psd * dt);
         state.rate_sum += measured * dt;
         state.rest.rate(config, &state.initial_bias, measured, dt);
         state.since_force += dt;

@@ -93,8 +93,8 @@ parameters! {
     velocity_excess: T, "-", From(0.0, 1e6), [4.0],
         "variances of the filter's own velocity that its square must exceed to be one";
     hand_velocity_std: T, "m/s", From(1e-3, 1e4), [0.7],
-        "standard deviation of the velocity of a hand; a vehicle may be 3.3, 11 or 36 times faster",
-        "Which of the four it is is found by their likelihood. Raising it takes fewer walkers for vehicles, and finds vehicles later.";
+        "standard deviation of the velocity of a hand; a vehicle may be 5 or 25 times faster",
+        "Which of the three it is is found by their likelihood. Raising it takes fewer walkers for vehicles, and finds vehicles later.";
     acceleration_average_s: T, "s", From(1e-4, 1e9), [1.5],
         "time over which that square is averaged";
     magnetometer_std_ut: T, "microtesla", From(1e-4, 1e6), [2.5],

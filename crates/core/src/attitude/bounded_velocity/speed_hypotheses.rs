@@ -5,15 +5,16 @@
 //! its own velocity, which it holds near zero. Hypotheses that look at the velocity only every [`LOOK_S`] can: they integrate
 //! freely between two looks, so what the wrong one predicts does not happen.
 
-use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2x3, RowVector3, SMatrix, SVector, Vector2, Vector3};
 
 use super::config::BoundedVelocityConfig;
+use super::propagation::Sums;
 use crate::scalar::{Scalar, lit};
 
 /// How many hypotheses there are.
-const HYPOTHESES: usize = 4;
-/// How much faster each one is than the one before: 0.7, 2.3, 7.6 and 25 m/s.
-const FASTER: f64 = 3.3;
+const HYPOTHESES: usize = 3;
+/// How much faster each one is than the one before: 0.7, 3.5 and 17.5 m/s.
+const FASTER: f64 = 5.0;
 /// Time between two looks at the velocity, s.
 const LOOK_S: f64 = 2.0;
 /// Weight of the slowest before anything is known; the others share the rest.
@@ -36,8 +37,10 @@ const STATES: usize = 7;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Interval<T: Scalar> {
     time: T,
-    /// `sum f dt`, m/s, level axes.
-    force: Vector3<T>,
+    /// `sum f dt`, m/s, east and north.
+    force: Vector2<T>,
+    /// The same upwards.
+    up: T,
     /// How far the filter has turned its attitude by corrections, of its bias, too: rad, about east and north.
     turned: Vector2<T>,
     /// `sum f_up turned dt`, m/s.
@@ -50,29 +53,38 @@ struct Interval<T: Scalar> {
     /// `sum f_up rotation dt`, m.
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     swept: Matrix2x3<T>,
-    /// Of the angle's noise, rad^2, and of the velocity's, (m/s)^2.
-    variances: [T; 2],
+    /// Of the angle's noise, rad^2.
+    angle_variance: T,
+    /// Of the velocity's, (m/s)^2.
+    velocity_variance: T,
 }
 
 impl<T: Scalar> Interval<T> {
     fn new() -> Self {
         Self {
             time: T::zero(),
-            force: Vector3::zeros(),
+            force: Vector2::zeros(),
+            up: T::zero(),
             turned: Vector2::zeros(),
             pushed: Vector2::zeros(),
             bias: Vector3::zeros(),
             rotation: Matrix2x3::zeros(),
             swept: Matrix2x3::zeros(),
-            variances: [T::zero(); 2],
+            angle_variance: T::zero(),
+            velocity_variance: T::zero(),
         }
     }
 
     fn numbers(&self) -> impl Iterator<Item = &T> {
         let vectors = self.force.iter().chain(&self.turned).chain(&self.pushed);
         let matrices = self.rotation.iter().chain(&self.swept);
-        let rest = self.bias.iter().chain(&self.variances).chain([&self.time]);
-        vectors.chain(matrices).chain(rest)
+        let scalars = [
+            &self.time,
+            &self.up,
+            &self.angle_variance,
+            &self.velocity_variance,
+        ];
+        vectors.chain(matrices).chain(&self.bias).chain(scalars)
     }
 }
 
@@ -199,37 +211,38 @@ impl<T: Scalar> SpeedHypotheses<T> {
             }
         }
         let interval = &mut self.interval;
-        interval.force = Vector3::zeros();
+        interval.force = Vector2::zeros();
+        interval.up = T::zero();
         interval.pushed = Vector2::zeros();
         interval.swept = Matrix2x3::zeros();
-        interval.variances[1] = T::zero();
+        interval.velocity_variance = T::zero();
     }
 
     /// The attitude became less certain by this variance, rad^2.
     pub(super) fn widen(&mut self, variance: T) {
-        self.interval.variances[0] += variance;
+        self.interval.angle_variance += variance;
     }
 
-    /// Over `dt` seconds the attitude was `level_from_body`, and its noise has this variance, rad^2.
+    /// A specific force (m/s^2, level axes) pushed for `dt` seconds; the rest of it is in [`Self::advance`].
     #[inline]
-    pub(super) fn rate(&mut self, level_from_body: &Matrix3<T>, dt: T, variance: T) {
+    pub(super) fn force(&mut self, level: &Vector3<T>, dt: T) {
+        self.interval.force += level.xy() * dt;
+    }
+
+    /// What the filter has summed since its covariance last took a step.
+    #[inline]
+    pub(super) fn advance(&mut self, sums: &Sums<T>) {
         let interval = &mut self.interval;
-        interval.time += dt;
-        interval.variances[0] += variance;
-        let rows = level_from_body.fixed_view::<2, 3>(0, 0) * dt;
+        let rows = sums.rotation.fixed_view::<2, 3>(0, 0);
+        let up = sums.velocity.z;
+        interval.pushed += interval.turned * up;
+        interval.swept += (interval.rotation + rows * lit::<T>(0.5)) * up;
         interval.rotation += rows;
         interval.turned -= rows * interval.bias;
-    }
-
-    /// Over `dt` seconds the specific force was `level`, level axes, and the velocity's noise has this variance, (m/s)^2.
-    #[inline]
-    pub(super) fn force(&mut self, level: &Vector3<T>, dt: T, variance: T) {
-        let interval = &mut self.interval;
-        let up = level.z * dt;
-        interval.force += level * dt;
-        interval.pushed += interval.turned * up;
-        interval.swept += interval.rotation * up;
-        interval.variances[1] += variance;
+        interval.up += up;
+        interval.time += sums.time;
+        interval.angle_variance += sums.angle_variance;
+        interval.velocity_variance += sums.velocity_variance;
     }
 
     /// The filter turned its attitude (rad, level axes) and corrected its bias (rad/s).
@@ -307,25 +320,25 @@ impl<T: Scalar> Hypothesis<T> {
 
     /// Over an interval between two looks (B11d, B11e).
     fn predict(&mut self, interval: &Interval<T>) {
-        let up = interval.force.z;
-        let mut phi = SMatrix::<T, STATES, STATES>::identity();
         // An error about north moves the velocity east, one about east moves it south.
-        for (tilt, velocity, sign) in [(1, 0, T::one()), (0, 1, -T::one())] {
-            phi[(VELOCITY + velocity, TILT + tilt)] = up * sign;
-            for c in 0..3 {
-                phi[(TILT + tilt, BIAS + c)] = -interval.rotation[(tilt, c)];
-                phi[(VELOCITY + velocity, BIAS + c)] = -interval.swept[(tilt, c)] * sign;
-            }
+        let pairs = [
+            (TILT + 1, VELOCITY, T::one()),
+            (TILT, VELOCITY + 1, -T::one()),
+        ];
+        // The velocity first: it takes the tilt from before.
+        for (t, v, sign) in pairs {
+            let swept = interval.swept.row(t) * -sign;
+            self.add_states(v, interval.up * sign, t, &swept);
         }
-        self.x = phi * self.x;
-        self.p = phi * self.p * phi.transpose();
-        let [angle, velocity_noise] = interval.variances;
-        for (tilt, velocity, sign) in [(1, 0, T::one()), (0, 1, -T::one())] {
-            let (t, v) = (TILT + tilt, VELOCITY + velocity);
-            self.x[t] -= interval.turned[tilt];
-            self.x[v] += interval.force[velocity] - interval.pushed[tilt] * sign;
+        for (t, ..) in pairs {
+            self.add_states(t, T::zero(), t, &-interval.rotation.row(t));
+        }
+        let (up, angle) = (interval.up, interval.angle_variance);
+        for (t, v, sign) in pairs {
+            self.x[t] -= interval.turned[t];
+            self.x[v] += interval.force[v - VELOCITY] - interval.pushed[t] * sign;
             self.p[(t, t)] += angle;
-            self.p[(v, v)] += velocity_noise + up * up * angle / lit(3.0);
+            self.p[(v, v)] += interval.velocity_variance + up * up * angle / lit(3.0);
             let both = up * angle * sign * lit(0.5);
             self.p[(t, v)] += both;
             self.p[(v, t)] += both;
@@ -333,6 +346,30 @@ impl<T: Scalar> Hypothesis<T> {
         for c in 0..3 {
             self.x[BIAS + c] -= interval.bias[c];
         }
+    }
+
+    /// Adds to state `i` so much of state `other` and of the bias: an elementary step of the transition.
+    fn add_states(&mut self, i: usize, factor: T, other: usize, of_bias: &RowVector3<T>) {
+        let (x, p) = (&mut self.x, &mut self.p);
+        let mut moved = factor * x[other];
+        let mut row = p.row(other) * factor;
+        for c in 0..3 {
+            moved += of_bias[c] * x[BIAS + c];
+            row += p.row(BIAS + c) * of_bias[c];
+        }
+        x[i] += moved;
+        // What is added has this variance, and this covariance with each state.
+        let mut variance = row[other] * factor;
+        for c in 0..3 {
+            variance += row[BIAS + c] * of_bias[c];
+        }
+        let own = p[(i, i)] + row[i] + row[i] + variance;
+        for j in 0..STATES {
+            let value = p[(i, j)] + row[j];
+            p[(i, j)] = value;
+            p[(j, i)] = value;
+        }
+        p[(i, i)] = own;
     }
 
     /// Log of the likelihood of the velocity, whose components have this variance (B11f).
@@ -349,21 +386,38 @@ impl<T: Scalar> Hypothesis<T> {
     fn update(&mut self, variance: T) {
         for i in VELOCITY..VELOCITY + 2 {
             let column = self.p.column(i).into_owned();
-            let s = column[i] + variance;
-            self.x -= column * (self.x[i] / s);
-            self.p -= column * (column / s).transpose();
+            let inverse = T::one() / (column[i] + variance);
+            self.x -= column * (self.x[i] * inverse);
+            for c in 0..STATES {
+                let gain = column[c] * inverse;
+                for r in 0..=c {
+                    let value = self.p[(r, c)] - column[r] * gain;
+                    self.p[(r, c)] = value;
+                    self.p[(c, r)] = value;
+                }
+            }
         }
-        let transposed = self.p.transpose();
-        self.p = (self.p + transposed) * lit::<T>(0.5);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::config::ScaleStates;
     use super::*;
+    use nalgebra::Matrix3;
     use std::vec::Vec;
 
     const GRAVITY: f64 = 9.81;
+
+    /// A device that does not turn feels `level` for `dt` seconds.
+    fn feed(hypotheses: &mut SpeedHypotheses<f64>, level: &Vector3<f64>, dt: f64) {
+        let mut sums = Sums::default();
+        let turn = Matrix3::identity();
+        sums.add_rate(ScaleStates::Off, &turn, &Vector3::zeros(), dt, 1e-6);
+        sums.add_force(level, dt, 1e-4);
+        hypotheses.force(level, dt);
+        hypotheses.advance(&sums);
+    }
 
     /// Feeds `seconds` of a level device that is carried with this acceleration eastwards, by a filter that takes the share
     /// `believed` of it for a tilt within a second; which hypothesis is the likeliest at each look.
@@ -380,8 +434,7 @@ mod tests {
             // A bias about north tilts what the filter thinks is level.
             tilted += bias * dt;
             let level = Vector3::new(a - GRAVITY * tilted, 0.0, GRAVITY);
-            hypotheses.rate(&Matrix3::identity(), dt, 1e-6 * dt);
-            hypotheses.force(&level, dt, 1e-4 * dt);
+            feed(hypotheses, &level, dt);
             if hypotheses.is_due() {
                 hypotheses.look(&config);
                 likeliest.push(hypotheses.likeliest);
@@ -416,6 +469,50 @@ mod tests {
         assert!((learnt + 0.01).abs() < 1e-3, "{learnt}");
     }
 
+    /// GIVEN any covariance and interval WHEN it is predicted and updated by elementary steps THEN it is the dense product.
+    #[test]
+    fn elementary_steps_are_the_dense_product() {
+        let number = |i: usize, j: usize| ((i * 7 + j * 3 + 1) as f64 * 0.7).sin();
+        let mut h = fresh().hypotheses[1];
+        let root = SMatrix::<f64, STATES, STATES>::from_fn(number);
+        h.p = root * root.transpose();
+        h.x = SVector::from_fn(|i, _| number(i, 2));
+        let mut interval = Interval::new();
+        interval.up = 19.6;
+        interval.rotation = Matrix2x3::from_fn(number) * 2.0;
+        interval.swept = Matrix2x3::from_fn(|i, j| number(j, i)) * 20.0;
+        interval.angle_variance = 1e-3;
+        let mut phi = SMatrix::<f64, STATES, STATES>::identity();
+        phi[(VELOCITY, TILT + 1)] = 19.6;
+        phi[(VELOCITY + 1, TILT)] = -19.6;
+        for c in 0..3 {
+            phi[(TILT, BIAS + c)] = -interval.rotation[(0, c)];
+            phi[(TILT + 1, BIAS + c)] = -interval.rotation[(1, c)];
+            phi[(VELOCITY, BIAS + c)] = -interval.swept[(1, c)];
+            phi[(VELOCITY + 1, BIAS + c)] = interval.swept[(0, c)];
+        }
+        let (x, mut p) = (phi * h.x, phi * h.p * phi.transpose());
+        for (t, v, sign) in [(1, 2, 1.0), (0, 3, -1.0)] {
+            p[(t, t)] += 1e-3;
+            p[(v, v)] += 19.6 * 19.6 * 1e-3 / 3.0;
+            p[(t, v)] += sign * 19.6 * 1e-3 / 2.0;
+            p[(v, t)] += sign * 19.6 * 1e-3 / 2.0;
+        }
+        h.predict(&interval);
+        assert!((h.x - x).amax() < 1e-12 * x.amax(), "{} {x}", h.x);
+        assert!((h.p - p).amax() < 1e-12 * p.amax(), "{} {p}", h.p);
+        let velocity =
+            h.p.fixed_view::<2, 2>(VELOCITY, VELOCITY) + nalgebra::Matrix2::identity() * 9.0;
+        let columns = h.p.fixed_columns::<2>(VELOCITY).into_owned();
+        let gain = columns * velocity.try_inverse().unwrap();
+        let (x, p) = (
+            h.x - gain * h.x.fixed_rows::<2>(VELOCITY),
+            h.p - gain * columns.transpose(),
+        );
+        h.update(9.0);
+        assert!((h.x - x).amax() < 1e-10 * x.amax() && (h.p - p).amax() < 1e-10 * p.amax());
+    }
+
     #[test]
     fn what_the_filter_corrects_is_not_seen_twice() {
         let config = BoundedVelocityConfig::<f64>::lab();
@@ -432,8 +529,7 @@ mod tests {
                 (&mut free, tilt),
                 (&mut held, if found { 0.0 } else { tilt }),
             ] {
-                h.rate(&Matrix3::identity(), 0.01, 1e-8);
-                h.force(&level(tilt), 0.01, 1e-6);
+                feed(h, &level(tilt), 0.01);
             }
         }
         free.look(&config);

@@ -58,7 +58,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let psd = self.config.velocity_noise_psd(acceleration2, measured);
         let felt = tilt_force(&level, state.has_field);
         state.sums.add_force(&felt, dt, psd);
-        state.speed_hypotheses.force(&level, dt, psd * dt);
+        state.speed_hypotheses.force(&level, dt);
         state.rest.force(&self.config, measured, dt);
         let half = dt * lit(0.5);
         if dt <= T::zero() || state.since_velocity_update + half < self.config.update_interval_s {
