@@ -20,7 +20,7 @@ const LOOK_S: f64 = 2.0;
 /// Weight of the slowest before anything is known; the others share the rest.
 const SLOWEST_WEIGHT: f64 = 0.7;
 /// How long it takes to get out of one and into another, s.
-const STAYS_S: f64 = 300.0;
+const STAYS_S: f64 = 3600.0;
 /// What the priors of tilt and bias are widened by: whoever starts in motion, and phones, have tails.
 const TILT_FACTOR: f64 = 2.0;
 const BIAS_FACTOR: f64 = 3.0;
@@ -99,6 +99,8 @@ pub(super) struct Hypothesis<T: Scalar> {
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub(super) p: SMatrix<T, STATES, STATES>,
     weight: T,
+    /// Of its last look, the logarithm.
+    likelihood: T,
 }
 
 /// The hypotheses.
@@ -108,6 +110,10 @@ pub struct SpeedHypotheses<T: Scalar> {
     hypotheses: [Hypothesis<T>; HYPOTHESES],
     likeliest: u8,
     interval: Interval<T>,
+    /// The interval at whose end they look at the velocity, one with each update of the filter: a chip has little time.
+    looked_over: Interval<T>,
+    /// How many have looked; all of them, if none is on its way.
+    looked: u8,
 }
 
 /// Standard deviations of the velocity, m/s.
@@ -136,9 +142,12 @@ impl<T: Scalar> SpeedHypotheses<T> {
                 x: SVector::zeros(),
                 p: SMatrix::zeros(),
                 weight: prior(k),
+                likelihood: T::zero(),
             }),
             likeliest: 0,
             interval: Interval::new(),
+            looked_over: Interval::new(),
+            looked: HYPOTHESES as u8,
         };
         let square = |factor: f64| lit::<T>(factor * factor);
         one.agree(
@@ -153,11 +162,13 @@ impl<T: Scalar> SpeedHypotheses<T> {
         (self.hypotheses.iter())
             .flat_map(Hypothesis::numbers)
             .chain(self.interval.numbers())
+            .chain(self.looked_over.numbers())
     }
 
     /// Whether a saved one can be continued from.
     pub(super) fn is_valid(&self) -> bool {
-        usize::from(self.likeliest) < HYPOTHESES
+        let count = HYPOTHESES as u8;
+        self.likeliest < count && self.looked <= count
     }
 
     /// Standard deviation of the velocity, m/s, under the likeliest hypothesis.
@@ -187,6 +198,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
     /// All agree with the filter about tilt and bias, with these variances; the velocity is unknown. Weights stay.
     pub(super) fn agree(&mut self, config: &BoundedVelocityConfig<T>, tilt: T, bias: T) {
         self.interval = Interval::new();
+        self.looked = HYPOTHESES as u8;
         for (h, std) in self.hypotheses.iter_mut().zip(speeds(config)) {
             h.x = SVector::zeros();
             h.p = SMatrix::zeros();
@@ -202,6 +214,9 @@ impl<T: Scalar> SpeedHypotheses<T> {
 
     /// Nothing is known of the velocity any more.
     pub(super) fn forget_velocity(&mut self, config: &BoundedVelocityConfig<T>) {
+        while self.is_looking() {
+            self.look_once(config);
+        }
         for (h, std) in self.hypotheses.iter_mut().zip(speeds(config)) {
             for i in VELOCITY..VELOCITY + 2 {
                 h.x[i] = T::zero();
@@ -252,32 +267,30 @@ impl<T: Scalar> SpeedHypotheses<T> {
         self.interval.bias += bias;
     }
 
+    /// Whether some have looked at the velocity, and others not yet.
+    #[inline]
+    fn is_looking(&self) -> bool {
+        self.looked < HYPOTHESES as u8
+    }
+
     /// Whether it is time for a look.
     #[inline]
     pub(super) fn is_due(&self) -> bool {
-        self.interval.time >= lit(LOOK_S)
+        self.is_looking() || self.interval.time >= lit(LOOK_S)
     }
 
-    /// Looks at the velocity (B11d to B11g). Gives the likeliest hypothesis where it is a faster one than before: the filter
-    /// was wrong until now. Where a number is not finite, the hypotheses begin again.
+    /// The next hypothesis looks at the velocity (B11d to B11g). Gives the likeliest, as it is now, when all have and it is a
+    /// faster one than before: the filter was wrong until now. Where a number is not finite, they begin again.
     pub(super) fn look(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Hypothesis<T>> {
-        let interval = core::mem::replace(&mut self.interval, Interval::new());
-        let mut likelihoods = [T::zero(); HYPOTHESES];
-        let models = self.hypotheses.iter_mut().zip(speeds(config));
-        for (k, ((h, std), log)) in models.zip(&mut likelihoods).enumerate() {
-            h.predict(&interval);
-            *log = h.log_likelihood(std * std);
-            // Looks at a velocity that lasts are no independent ones (B11h); a hand's are.
-            let lasts = config.velocity_correlation_time_s * lit(2.0) / interval.time;
-            let looks = if k == 0 {
-                T::one()
-            } else {
-                lasts.max(T::one())
-            };
-            h.update(std * std * looks);
+        if !self.is_looking() {
+            self.looked_over = core::mem::replace(&mut self.interval, Interval::new());
+            self.looked = 0;
         }
-        self.weigh(&likelihoods, interval.time);
-        if !self.numbers().all(|n| n.is_finite()) {
+        self.look_once(config);
+        if self.is_looking() {
+            return None;
+        }
+        if !self.weigh() {
             *self = Self::new(
                 config,
                 config.maximum_attitude_std * config.maximum_attitude_std,
@@ -285,6 +298,34 @@ impl<T: Scalar> SpeedHypotheses<T> {
             );
             return None;
         }
+        self.faster().map(|mut faster| {
+            faster.predict(&self.interval);
+            faster
+        })
+    }
+
+    /// The next one looks.
+    fn look_once(&mut self, config: &BoundedVelocityConfig<T>) {
+        let (next, over) = (usize::from(self.looked), &self.looked_over);
+        let speeds = speeds(config);
+        let mut models = self.hypotheses.iter_mut().zip(speeds).skip(next);
+        if let Some((h, std)) = models.next() {
+            h.predict(over);
+            h.likelihood = h.log_likelihood(speeds.iter().take(next + 1));
+            // Looks at a velocity that lasts are no independent ones (B11h); a hand's are.
+            let lasts = config.velocity_correlation_time_s * lit(2.0) / over.time;
+            let looks = if next == 0 {
+                T::one()
+            } else {
+                lasts.max(T::one())
+            };
+            h.update(std * std * looks);
+        }
+        self.looked = self.looked.saturating_add(1);
+    }
+
+    /// Chooses the likeliest; gives it where it is faster than the one before.
+    fn faster(&mut self) -> Option<Hypothesis<T>> {
         let before = self.likeliest;
         let mut best = self.hypotheses[0];
         self.likeliest = 0;
@@ -297,25 +338,31 @@ impl<T: Scalar> SpeedHypotheses<T> {
         (self.likeliest > before).then_some(best)
     }
 
-    /// Weights by Bayes' rule from the logs of the likelihoods, each of which may have changed into any (B11g).
-    fn weigh(&mut self, likelihoods: &[T; HYPOTHESES], time: T) {
-        let stay = (-time / lit(STAYS_S)).exp();
-        let most = likelihoods.iter().fold(likelihoods[0], |a, b| a.max(*b));
+    /// Weights by Bayes' rule; each may have changed into any meanwhile (B11g). Gives whether all numbers are finite.
+    fn weigh(&mut self) -> bool {
+        let stay = (-self.looked_over.time / lit(STAYS_S)).exp();
+        let first = self.hypotheses[0].likelihood;
+        let most = (self.hypotheses.iter()).fold(first, |most, h| most.max(h.likelihood));
         let mut total = T::zero();
-        for (k, (h, log)) in self.hypotheses.iter_mut().zip(likelihoods).enumerate() {
+        for (k, h) in self.hypotheses.iter_mut().enumerate() {
             let predicted = stay * h.weight + (T::one() - stay) * prior(k);
-            h.weight = predicted * (*log - most).exp();
+            h.weight = predicted * (h.likelihood - most).exp();
             total += h.weight;
         }
+        let mut sum = T::zero();
         for h in &mut self.hypotheses {
             h.weight /= total;
+            // One that is not finite makes the sum so.
+            sum += h.x.sum() + h.p.sum() + h.weight;
         }
+        sum.is_finite()
     }
 }
 
 impl<T: Scalar> Hypothesis<T> {
     fn numbers(&self) -> impl Iterator<Item = &T> {
-        self.x.iter().chain(&self.p).chain([&self.weight])
+        let scalars = [&self.weight, &self.likelihood];
+        self.x.iter().chain(&self.p).chain(scalars)
     }
 
     /// Over an interval between two looks (B11d, B11e).
@@ -372,14 +419,26 @@ impl<T: Scalar> Hypothesis<T> {
         p[(i, i)] = own;
     }
 
-    /// Log of the likelihood of the velocity, whose components have this variance (B11f).
-    fn log_likelihood(&self, variance: T) -> T {
-        let mut log = T::zero();
-        for i in VELOCITY..VELOCITY + 2 {
-            let s = self.p[(i, i)] + variance;
-            log -= (self.x[i] * self.x[i] / s + s.ln()) * lit(0.5);
+    /// Log of the likelihood of the velocity, which has one of these standard deviations: who can be fast is often slow (B11f).
+    fn log_likelihood<'a>(&self, stds: impl Iterator<Item = &'a T> + Clone) -> T {
+        let log = |std: &T| {
+            let mut log = T::zero();
+            for i in VELOCITY..VELOCITY + 2 {
+                let s = self.p[(i, i)] + *std * *std;
+                log -= (self.x[i] * self.x[i] / s + s.ln()) * lit(0.5);
+            }
+            log
+        };
+        let (mut most, mut count) = (T::min_value().unwrap_or_else(T::zero), T::zero());
+        for std in stds.clone() {
+            most = most.max(log(std));
+            count += T::one();
         }
-        log
+        let mut sum = T::zero();
+        for std in stds {
+            sum += (log(std) - most).exp();
+        }
+        most + (sum / count).ln()
     }
 
     /// `v = 0` with this variance of each component.
@@ -437,7 +496,9 @@ mod tests {
             feed(hypotheses, &level, dt);
             if hypotheses.is_due() {
                 hypotheses.look(&config);
-                likeliest.push(hypotheses.likeliest);
+                if !hypotheses.is_looking() {
+                    likeliest.push(hypotheses.likeliest);
+                }
             }
         }
         likeliest
@@ -532,8 +593,10 @@ mod tests {
                 feed(h, &level(tilt), 0.01);
             }
         }
-        free.look(&config);
-        held.look(&config);
+        for _ in 0..HYPOTHESES {
+            free.look(&config);
+            held.look(&config);
+        }
         for (a, b) in free.hypotheses.iter().zip(&held.hypotheses) {
             assert!((a.x[VELOCITY] - b.x[VELOCITY]).abs() < 1e-9);
             assert!((a.x[TILT + 1] - tilt - b.x[TILT + 1]).abs() < 1e-9);

@@ -126,19 +126,19 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     }
 
     /// Weighs how fast the device is carried, and where it is faster than the filter thought, takes over what is estimated
-    /// under that hypothesis (B11h): its own tilt is wrong and too sure. A hand's rest says nothing about the speed.
+    /// under that hypothesis (B11h): its own tilt is wrong and too sure. At a rest of a hand all agree with the filter.
     fn look_at_the_speed(&mut self) {
         if !self.state.speed_hypotheses.is_due() {
-            return;
-        }
-        if self.state.rest.is_resting() && !self.state.speed_hypotheses.is_vehicle() {
-            self.state.agree_about_the_speed(&self.config);
             return;
         }
         if let Some(faster) = self.state.speed_hypotheses.look(&self.config) {
             let correction = self.state.take_covariance(&faster);
             self.apply(&correction);
             self.tell(Moment::Started);
+        }
+        let (state, hypotheses) = (&self.state, &self.state.speed_hypotheses);
+        if state.rest.is_resting() && !hypotheses.is_vehicle() && !hypotheses.is_due() {
+            self.state.agree_about_the_speed(&self.config);
         }
     }
 
