@@ -478,8 +478,8 @@ mod tests {
         hypotheses.advance(&sums);
     }
 
-    /// Feeds `seconds` of a level device that is carried with this acceleration eastwards, by a filter that takes the share
-    /// `believed` of it for a tilt within a second; which hypothesis is the likeliest at each look.
+    /// Feeds `seconds` of a level device that is carried with this acceleration eastwards, with a bias about north (rad/s);
+    /// which hypothesis is the likeliest after each look.
     fn carried(
         hypotheses: &mut SpeedHypotheses<f64>,
         seconds: f64,

@@ -126,7 +126,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     }
 
     /// Weighs how fast the device is carried, and where it is faster than the filter thought, takes over what is estimated
-    /// under that hypothesis (B11h): its own tilt is wrong and too sure. At a rest of a hand all agree with the filter.
+    /// under that hypothesis (B11h): its own tilt is wrong and overconfident. At a rest of a hand all agree with the filter.
     fn look_at_the_speed(&mut self) {
         if !self.state.speed_hypotheses.is_due() {
             return;
