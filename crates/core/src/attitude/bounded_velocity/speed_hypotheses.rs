@@ -2,7 +2,7 @@
 //! weighed by their likelihood (multiple models; B11d to B11h).
 //!
 //! A filter that takes a vehicle for a hand takes its acceleration for tilt, and is sure of it. It cannot find that out from
-//! its own velocity, which it holds near zero. Hypotheses that look at the velocity only every [`LOOK_S`] can: they integrate
+//! its own velocity, which it holds near zero. Hypotheses that look at the velocity only every two seconds can: they integrate
 //! freely between two looks, so what the wrong one predicts does not happen.
 
 use nalgebra::{Matrix2x3, RowVector3, SMatrix, SVector, Vector2, Vector3};
