@@ -85,7 +85,7 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         // What it did not have: a noise that is learnt, rests that are doubted, samples that are averaged.
         initial_velocity_psd: 0.0,
         largest_velocity_psd: 0.0,
-        // So slow and so fast that no hypothesis of the speed is told from another.
+        // All so fast that no hypothesis of the speed is told from another.
         hand_velocity_std: 1e4,
         rest_slow_motion_gain: 0.0,
         rest_smoothing_s: 1e-6,

@@ -192,7 +192,7 @@ fn a_car_is_no_hand() {
         "{} {rms}",
         outside(&sigmas)
     );
-    // So slow are all hypotheses together that the slowest is any of them: nothing is learnt of the speed.
+    // Hypotheses that are all so fast that none is told from another: the first stays.
     let hand = BoundedVelocityConfig {
         hand_velocity_std: 1e4,
         ..config

@@ -1,0 +1,143 @@
+//! What is a vehicle and what is none; elementary steps beside dense products; corrections of the filter.
+
+use super::*;
+use crate::attitude::bounded_velocity::ScaleStates;
+use nalgebra::Matrix3;
+use std::vec::Vec;
+
+const GRAVITY: f64 = 9.81;
+
+/// A device that does not turn feels `level` for `dt` seconds.
+fn feed(hypotheses: &mut SpeedHypotheses<f64>, level: &Vector3<f64>, dt: f64) {
+    let mut sums = Sums::default();
+    let turn = Matrix3::identity();
+    sums.add_rate(ScaleStates::Off, &turn, &Vector3::zeros(), dt, 1e-6);
+    sums.add_force(level, dt, 1e-4);
+    hypotheses.force(level, dt);
+    hypotheses.advance(&sums);
+}
+
+/// Feeds `seconds` of a level device that is carried with this acceleration eastwards, with a bias about north (rad/s);
+/// which hypothesis is the likeliest after each look.
+fn carried(
+    hypotheses: &mut SpeedHypotheses<f64>,
+    seconds: f64,
+    acceleration: impl Fn(f64) -> f64,
+    bias: f64,
+) -> Vec<u8> {
+    let config = BoundedVelocityConfig::<f64>::lab();
+    let (dt, mut likeliest, mut tilted) = (0.01, Vec::new(), 0.0_f64);
+    for k in 0..(seconds / dt) as u32 {
+        let a = acceleration(f64::from(k) * dt);
+        // A bias about north tilts what the filter thinks is level.
+        tilted += bias * dt;
+        let level = Vector3::new(a - GRAVITY * tilted, 0.0, GRAVITY);
+        feed(hypotheses, &level, dt);
+        if hypotheses.is_due() {
+            hypotheses.look(&config);
+            if !hypotheses.is_looking() {
+                likeliest.push(hypotheses.likeliest);
+            }
+        }
+    }
+    likeliest
+}
+
+fn fresh() -> SpeedHypotheses<f64> {
+    let config = BoundedVelocityConfig::<f64>::lab();
+    SpeedHypotheses::new(&config, 0.03_f64.powi(2), 0.005_f64.powi(2))
+}
+
+#[test]
+fn a_hand_is_a_hand_and_a_car_is_none() {
+    let mut h = fresh();
+    let hand = carried(&mut h, 20.0, |t| 3.0 * (5.0 * t).sin(), 0.0);
+    assert!(hand.iter().all(|k| *k == 0), "{hand:?}");
+    // From there into a car that gets to 20 m/s in 10 s and stays at it.
+    let speed = carried(&mut h, 30.0, |t| if t < 10.0 { 2.0 } else { 0.0 }, 0.0);
+    assert!(speed.iter().skip(3).all(|k| *k >= 1), "{speed:?}");
+}
+
+#[test]
+fn a_bias_is_learnt_and_is_no_vehicle() {
+    let mut h = fresh();
+    let sway = |t: f64| 2.0 * (4.0 * t).sin();
+    let likeliest = carried(&mut h, 30.0, sway, 0.01);
+    let last = &likeliest[5..];
+    assert!(last.iter().all(|k| *k == 0), "{likeliest:?}");
+    let learnt = h.hypotheses[0].x[BIAS + 1];
+    assert!((learnt + 0.01).abs() < 1e-3, "{learnt}");
+}
+
+/// GIVEN any covariance and interval WHEN it is predicted and updated by elementary steps THEN it is the dense product.
+#[test]
+fn elementary_steps_are_the_dense_product() {
+    let number = |i: usize, j: usize| ((i * 7 + j * 3 + 1) as f64 * 0.7).sin();
+    let mut h = fresh().hypotheses[1];
+    let root = SMatrix::<f64, STATES, STATES>::from_fn(number);
+    h.p = root * root.transpose();
+    h.x = SVector::from_fn(|i, _| number(i, 2));
+    let mut interval = Interval::new();
+    interval.up = 19.6;
+    interval.rotation = Matrix2x3::from_fn(number) * 2.0;
+    interval.swept = Matrix2x3::from_fn(|i, j| number(j, i)) * 20.0;
+    interval.angle_variance = 1e-3;
+    let mut phi = SMatrix::<f64, STATES, STATES>::identity();
+    phi[(VELOCITY, TILT + 1)] = 19.6;
+    phi[(VELOCITY + 1, TILT)] = -19.6;
+    for c in 0..3 {
+        phi[(TILT, BIAS + c)] = -interval.rotation[(0, c)];
+        phi[(TILT + 1, BIAS + c)] = -interval.rotation[(1, c)];
+        phi[(VELOCITY, BIAS + c)] = -interval.swept[(1, c)];
+        phi[(VELOCITY + 1, BIAS + c)] = interval.swept[(0, c)];
+    }
+    let (x, mut p) = (phi * h.x, phi * h.p * phi.transpose());
+    for (t, v, sign) in [(1, 2, 1.0), (0, 3, -1.0)] {
+        p[(t, t)] += 1e-3;
+        p[(v, v)] += 19.6 * 19.6 * 1e-3 / 3.0;
+        p[(t, v)] += sign * 19.6 * 1e-3 / 2.0;
+        p[(v, t)] += sign * 19.6 * 1e-3 / 2.0;
+    }
+    h.predict(&interval);
+    assert!((h.x - x).amax() < 1e-12 * x.amax(), "{} {x}", h.x);
+    assert!((h.p - p).amax() < 1e-12 * p.amax(), "{} {p}", h.p);
+    let velocity = h.p.fixed_view::<2, 2>(VELOCITY, VELOCITY) + nalgebra::Matrix2::identity() * 9.0;
+    let columns = h.p.fixed_columns::<2>(VELOCITY).into_owned();
+    let gain = columns * velocity.try_inverse().unwrap();
+    let (x, p) = (
+        h.x - gain * h.x.fixed_rows::<2>(VELOCITY),
+        h.p - gain * columns.transpose(),
+    );
+    h.update(9.0);
+    assert!((h.x - x).amax() < 1e-10 * x.amax() && (h.p - p).amax() < 1e-10 * p.amax());
+}
+
+#[test]
+fn what_the_filter_corrects_is_not_seen_twice() {
+    let config = BoundedVelocityConfig::<f64>::lab();
+    let (mut free, mut held) = (fresh(), fresh());
+    // A tilt about north of 0.02: free, and with a filter that finds it after half a second.
+    let tilt = 0.02;
+    for k in 0..200 {
+        let level = |tilt: f64| Vector3::new(-GRAVITY * tilt, 0.0, GRAVITY);
+        let found = k >= 50;
+        if k == 50 {
+            held.corrected(&Vector2::new(0.0, tilt), &Vector3::zeros());
+        }
+        for (h, tilt) in [
+            (&mut free, tilt),
+            (&mut held, if found { 0.0 } else { tilt }),
+        ] {
+            feed(h, &level(tilt), 0.01);
+        }
+    }
+    for _ in 0..HYPOTHESES {
+        free.look(&config);
+        held.look(&config);
+    }
+    for (a, b) in free.hypotheses.iter().zip(&held.hypotheses) {
+        assert!((a.x[VELOCITY] - b.x[VELOCITY]).abs() < 1e-9);
+        assert!((a.x[TILT + 1] - tilt - b.x[TILT + 1]).abs() < 1e-9);
+        assert!((a.p - b.p).amax() < 1e-12);
+    }
+}
