@@ -13,10 +13,14 @@
 //! | how far did it turn while nobody looked? | [`unseen_rotation`] |
 //! | can this stamp be? | [`leaping_stamp`] |
 //! | did the bias of the gyroscope step? | [`bias_step`] |
+//! | how much white noise has the gyroscope? | [`rate_noise`] |
+//! | when were samples taken that came in bunches? | [`sampling_clock`] |
 
 pub mod bias_step;
 pub mod leaping_stamp;
+pub mod rate_noise;
 pub mod sample_check;
+pub mod sampling_clock;
 pub mod unseen_rotation;
 
 use crate::scalar::{Scalar, seconds};

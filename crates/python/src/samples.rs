@@ -5,6 +5,7 @@ use std::slice;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use northing_core::faults::sampling_clock::SamplingClock;
 use northing_evaluation::attitude::{Instant, InstantSource, RunObserver, RunOptions};
 use northing_evaluation::{EvaluationError, estimate, estimate_instants};
 use northing_recording::plausibility::Plausibility;
@@ -137,6 +138,15 @@ impl InstantSource for Gathered<'_> {
     }
 }
 
+/// Whether samples are used at other times than their stamps: a recording sees to that.
+fn comes_in_bunches(stamps: &[i64]) -> bool {
+    let mut clock = SamplingClock::<f64>::default();
+    stamps.iter().any(|stamp| {
+        clock.arrived(*stamp);
+        clock.is_bunched()
+    })
+}
+
 /// The samples of gyroscope, accelerometer and magnetometer, to be read as often as they are wanted.
 pub(crate) struct Arrays {
     gyroscope: Arc<Stream>,
@@ -179,18 +189,20 @@ impl Arrays {
         observer: &mut dyn RunObserver,
     ) -> Result<u64, EvaluationError> {
         let asked = &self.options;
-        let is_as_it_is = asked.gyroscope_unit.is_none()
-            && asked.accelerometer_unit.is_none()
-            && asked.magnetometer_unit.is_none()
-            && options.magnetometer_calibration.is_none();
-        if !is_as_it_is {
-            return estimate(self.recording(), options, observer);
-        }
         let streams = [
             (SensorKind::Gyroscope, Some(&self.gyroscope)),
             (SensorKind::Accelerometer, self.accelerometer.as_ref()),
             (SensorKind::Magnetometer, self.magnetometer.as_ref()),
         ];
+        let mut there = streams.iter().filter_map(|(_, stream)| *stream);
+        let is_as_it_is = asked.gyroscope_unit.is_none()
+            && asked.accelerometer_unit.is_none()
+            && asked.magnetometer_unit.is_none()
+            && options.magnetometer_calibration.is_none()
+            && !there.any(|stream| comes_in_bunches(&stream.time_ns));
+        if !is_as_it_is {
+            return estimate(self.recording(), options, observer);
+        }
         let columns = streams.into_iter();
         let columns = columns.filter_map(|(sensor, stream)| Some(Column::new(sensor, stream?)));
         let mut gathered = Gathered {

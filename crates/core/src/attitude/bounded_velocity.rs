@@ -189,7 +189,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         state.level_from_body = rotation::renormalize(&(middle * half_turn));
         state.angular_rate = rate;
         let middle = middle.to_rotation_matrix().into_inner();
-        let psd = config.angle_noise_psd(&rate, measured);
+        let psd = config.angle_noise_psd(&rate, measured, state.gyroscope_noise_psd);
         let scale = state.layout.scale();
         state.sums.add_rate(scale, &middle, measured, dt, psd);
         state.rate_sum += measured * dt;
@@ -293,6 +293,14 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
             cap_variance(&mut self.state.covariance, i, limit);
         }
         self.tell(Moment::Predicted);
+    }
+
+    fn learn_gyroscope_noise(&mut self, psd: T) {
+        let gain = self.config.gyroscope_noise_gain;
+        let psd = psd * gain * gain;
+        if psd >= T::zero() && psd.is_finite() {
+            self.state.gyroscope_noise_psd = psd;
+        }
     }
 
     fn attitude(&self) -> UnitQuaternion<T> {

@@ -185,6 +185,10 @@ pub trait AttitudeEstimator<T: Scalar> {
     /// Adds variance (rad^2 per axis) to the attitude: something unseen happened, such as a gap.
     fn add_attitude_variance(&mut self, variance: T);
 
+    /// Takes what was learnt of the gyroscope's white noise, (rad/s)^2/Hz: an estimator that states its error takes it where it
+    /// is more than what it is configured for. Without effect on others.
+    fn learn_gyroscope_noise(&mut self, _psd: T) {}
+
     /// The estimate, `ref_from_body`.
     fn attitude(&self) -> UnitQuaternion<T>;
 

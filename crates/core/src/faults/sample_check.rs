@@ -319,7 +319,9 @@ impl<T: Scalar> SampleCheck<T> {
             };
         }
         let stays = from_last + from_last <= held.jump;
-        if stays || held.samples >= MOST_SUSPECTS {
+        // A motion that begins goes on where a spike turns back.
+        let goes_on = (sample - last).dot(&(last - held.good)) > T::zero();
+        if stays || goes_on || held.samples >= MOST_SUSPECTS {
             let change2 = from_last * from_last;
             self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
             return Checked::Step(held.integral);

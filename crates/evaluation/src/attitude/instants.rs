@@ -3,13 +3,16 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{CompassHeading, Event, Reference, Sample, SensorKind};
 
+use crate::attitude::sampling_times::{Arrived, SamplingTimes};
 use crate::error::EvaluationError;
 
 /// Everything measured at one time stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Instant {
-    /// Time stamp, ns.
+    /// Time stamp, ns; where samples come in bunches, the time at which they were taken.
     pub time_ns: i64,
+    /// How much later than that their stamps are, ns.
+    pub late_ns: i64,
     /// Angular rate, rad/s.
     pub angular_rate: Option<Vector3<f64>>,
     /// Specific force, m/s^2.
@@ -47,6 +50,7 @@ impl Instant {
     pub fn begin(&mut self, time_ns: i64) {
         let Self {
             time_ns: stamp,
+            late_ns,
             angular_rate,
             specific_force,
             magnetic_field,
@@ -69,7 +73,7 @@ impl Instant {
             *vector = None;
         }
         (*compass, *device, *reference) = (None, None, None);
-        (*stamp, *present, *rates_before) = (time_ns, 0, 0);
+        (*stamp, *late_ns, *present, *rates_before) = (time_ns, 0, 0, 0);
     }
 
     /// Takes an event of this stamp.
@@ -132,26 +136,30 @@ impl<I: Iterator<Item = Result<Instant, EvaluationError>>> InstantSource for I {
     }
 }
 
-/// Gathers events with the same time stamp. After an error it ends.
+/// Gathers events of one time. Where a sensor's samples come in bunches that is the time at which they were taken, which its clock tells;
+/// else it is their stamp. After an error it ends.
 #[derive(Debug)]
-pub struct Instants<I> {
-    events: I,
-    next: Option<Event>,
+pub struct Instants<I, X> {
+    events: SamplingTimes<I, X>,
+    next: Option<Arrived>,
     over: bool,
 }
 
-impl<I> Instants<I> {
+impl<I, X> Instants<I, X>
+where
+    I: Iterator<Item = Result<Event, X>>,
+{
     /// Gathers these events, which must be in time order.
     pub fn new(events: impl IntoIterator<IntoIter = I>) -> Self {
         Self {
-            events: events.into_iter(),
+            events: SamplingTimes::new(events.into_iter()),
             next: None,
             over: false,
         }
     }
 }
 
-impl<I, X> Iterator for Instants<I>
+impl<I, X> Iterator for Instants<I, X>
 where
     I: Iterator<Item = Result<Event, X>>,
 {
@@ -163,8 +171,8 @@ where
         }
         let mut instant: Option<Instant> = None;
         loop {
-            let event = match self.next.take().map(Ok).or_else(|| self.events.next()) {
-                Some(Ok(event)) => event,
+            let arrived = match self.next.take().map(Ok).or_else(|| self.events.next()) {
+                Some(Ok(arrived)) => arrived,
                 Some(Err(error)) => {
                     self.over = true;
                     return Some(Err(error));
@@ -174,15 +182,17 @@ where
                     return instant.map(Ok);
                 }
             };
+            let event = &arrived.event;
             let gathered = instant.get_or_insert_with(|| Instant {
                 time_ns: event.time_ns,
+                late_ns: arrived.arrived_ns.saturating_sub(event.time_ns),
                 ..Instant::default()
             });
             if gathered.time_ns != event.time_ns {
-                self.next = Some(event);
+                self.next = Some(arrived);
                 return Some(Ok(*gathered));
             }
-            gathered.take(&event);
+            gathered.take(event);
         }
     }
 }

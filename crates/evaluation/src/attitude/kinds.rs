@@ -265,6 +265,10 @@ impl AttitudeEstimator<f64> for AnyEstimator {
         each!(self, e => e.add_attitude_variance(variance));
     }
 
+    fn learn_gyroscope_noise(&mut self, psd: f64) {
+        each!(self, e => e.learn_gyroscope_noise(psd));
+    }
+
     fn attitude(&self) -> UnitQuaternion<f64> {
         each!(self, e => e.attitude())
     }

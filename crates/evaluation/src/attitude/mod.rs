@@ -38,6 +38,7 @@ pub mod parameters;
 pub mod reference;
 pub mod rts_smoother;
 pub mod runner;
+mod sampling_times;
 pub mod setup;
 mod tally;
 pub mod trace;

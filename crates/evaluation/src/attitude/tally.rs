@@ -161,7 +161,8 @@ impl Tally {
             field.map(Sample::MagneticField),
         ];
         for sample in samples.iter().flatten() {
-            self.diagnosis.sample(instant.time_ns, sample);
+            self.diagnosis
+                .sample(instant.time_ns, instant.late_ns, sample);
         }
         self.diagnosis.same_stamp(u64::from(instant.rates_before));
     }

@@ -38,6 +38,9 @@ parameters! {
     gyroscope_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.3e-3],
         "white noise of the gyroscope, unmodelled errors included",
         "0.075 deg/sqrt(s), much above the sensor's own. Raising it trusts the gyroscope less.";
+    gyroscope_noise_gain: T, "-", From(0.0, 1e6), [1.0],
+        "how much white noise that the gyroscope's samples show counts where it is more than that",
+        "Of its standard deviation; 0: not at all.";
     gyroscope_scale_noise: T, "rad/(rad/s)/sqrt(s)", From(0.0, 10.0), [1.5e-3],
         "extra angle noise per rate",
         "Raising it widens the covariance in fast motion; zero makes it too small there.";
@@ -183,14 +186,19 @@ impl<T: Scalar> BoundedVelocityConfig<T> {
         }
     }
 
-    /// Power spectral density ((rad/s)^2/Hz) of the angle noise: white, per rate, and where axes of
-    /// the rate as measured are saturated (B6).
+    /// Power spectral density ((rad/s)^2/Hz) of the angle noise: white, of which the samples show `learnt`, per rate, and where
+    /// axes of the rate as measured are saturated (B6).
     #[inline]
-    pub(super) fn angle_noise_psd(&self, rate: &Vector3<T>, measured: &Vector3<T>) -> T {
+    pub(super) fn angle_noise_psd(
+        &self,
+        rate: &Vector3<T>,
+        measured: &Vector3<T>,
+        learnt: T,
+    ) -> T {
         let (white, scale) = (self.gyroscope_noise_density, self.gyroscope_scale_noise);
         let saturated = saturated_axes(measured, self.gyroscope_saturation);
         let walk = self.saturation_angle_random_walk;
-        white * white + scale * scale * rate.norm_squared() + saturated * (walk * walk)
+        (white * white).max(learnt) + scale * scale * rate.norm_squared() + saturated * (walk * walk)
     }
 
     /// Power spectral density ((m/s^2)^2/Hz) of the velocity noise at the squared acceleration
@@ -237,9 +245,9 @@ mod tests {
     fn saturation_widens_the_noise_only_where_a_limit_is_known() {
         let mut config = BoundedVelocityConfig::<f64>::lab();
         let fast = Vector3::new(7.3, -7.3, 0.0);
-        let free = config.angle_noise_psd(&fast, &fast);
+        let free = config.angle_noise_psd(&fast, &fast, 0.0);
         config.gyroscope_saturation = 7.2;
-        assert!((config.angle_noise_psd(&fast, &fast) - free - 2.0 * 0.25).abs() < 1e-12);
+        assert!((config.angle_noise_psd(&fast, &fast, 0.0) - free - 2.0 * 0.25).abs() < 1e-12);
         let hard = Vector3::new(0.0, 0.0, 19.6);
         let free = config.velocity_noise_psd(100.0, &hard);
         assert!((free - 0.0125).abs() < 1e-12);

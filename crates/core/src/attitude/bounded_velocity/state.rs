@@ -66,6 +66,8 @@ pub struct BoundedVelocityState<T: Scalar> {
     pub rest: RestDetector<T>,
     /// Mean square of the acceleration, (m/s^2)^2.
     pub mean_square_acceleration: T,
+    /// White noise that the gyroscope's samples show, (rad/s)^2/Hz; zero before it is known.
+    pub gyroscope_noise_psd: T,
     /// What is known of the velocity of whatever carries the device.
     pub velocity_noise: VelocityNoise<T>,
     /// How fast that is.
@@ -134,6 +136,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             "times and sizes",
             [
                 &self.mean_square_acceleration,
+                &self.gyroscope_noise_psd,
                 &self.field_variance_factor,
                 &self.field_weight,
                 &self.since_force,
@@ -162,6 +165,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             layout,
             rest: RestDetector::default(),
             mean_square_acceleration: lit(INITIAL_SQUARE_ACCELERATION),
+            gyroscope_noise_psd: zero,
             velocity_noise: VelocityNoise::new(config),
             speed_hypotheses: SpeedHypotheses::new(config, zero, zero),
             field_variance_factor: T::one(),

@@ -110,10 +110,10 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         if let Some((turn_psd, _)) = slow {
             let still = state.rate_sum / time - state.gyroscope_bias;
             let density = config.rest_rate_noise_density;
+            let white = (density * density).max(state.gyroscope_noise_psd);
             let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
             let projection = Projection::new(p, active, rows);
-            done =
-                projection.fuse(p, &mut x, &still, (density * density + turn_psd) / time) && done;
+            done = projection.fuse(p, &mut x, &still, (white + turn_psd) / time) && done;
         }
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();

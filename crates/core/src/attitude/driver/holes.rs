@@ -6,6 +6,7 @@ use super::{Aligning, AttitudeDriver, AttitudeEstimator};
 use crate::attitude::InitialState;
 use crate::attitude::alignment::{Alignment, Prior, level_covariance};
 use crate::faults::bias_step::{BiasStep, BiasWatch};
+use crate::faults::rate_noise::RateNoise;
 use crate::faults::sample_check::{Checked, SampleCheck};
 use crate::faults::unseen_rotation::UnseenRotation;
 use crate::faults::{Fault, FaultKind, FaultLog, FaultySensor};
@@ -47,6 +48,7 @@ pub(super) struct Checks<T: Scalar> {
     pub(super) gyroscope: SampleCheck<T>,
     pub(super) accelerometer: SampleCheck<T>,
     pub(super) magnetometer: SampleCheck<T>,
+    pub(super) noise: RateNoise<T>,
     pub(super) motion: UnseenRotation<T>,
     pub(super) bias: BiasWatch<T>,
     pub(super) log: FaultLog<T>,
@@ -63,6 +65,7 @@ impl<T: Scalar> Checks<T> {
             gyroscope: SampleCheck::new(lit(NOTABLE_RAD * LEAST_SHARE), lit(LEAST_WALK)),
             accelerometer: SampleCheck::new(lit(LEAST_PUSH), lit(LEAST_PUSH_WALK)),
             magnetometer: SampleCheck::default(),
+            noise: RateNoise::default(),
             motion: UnseenRotation::new(angle_random_walk),
             bias: BiasWatch::default(),
             log: FaultLog::default(),
@@ -78,6 +81,7 @@ impl<T: Scalar> Checks<T> {
         let checks = checks.into_iter().flat_map(SampleCheck::numbers);
         let own = self.turned.iter().chain([&self.hole_variance]);
         let motion = self.motion.numbers().chain(self.bias.numbers());
+        let motion = motion.chain(self.noise.numbers());
         checks.chain(motion).chain(self.log.numbers()).chain(own)
     }
 
@@ -247,6 +251,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             self.turn_over_hole((last_ns, last), (time_ns, rate), whole)
         } else {
             self.memory.checks.motion.learn(last, rate, whole);
+            self.learn_noise(rate);
             (rate + last) * (whole * lit(0.5))
         };
         let checks = &mut self.memory.checks;
@@ -269,6 +274,17 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         self.propagate_in_steps(&applied, remaining);
     }
 
+    /// Learns how much white noise the gyroscope has, and tells the estimator.
+    fn learn_noise(&mut self, rate: &Vector3<T>) {
+        let checks = &mut self.memory.checks;
+        let Some(interval) = checks.gyroscope.interval_s() else {
+            return;
+        };
+        if checks.noise.add(rate, interval) && self.memory.started {
+            self.estimator.learn_gyroscope_noise(checks.noise.psd());
+        }
+    }
+
     /// The turn between two samples with nothing between them, whose error becomes variance.
     fn turn_over_hole(
         &mut self,
@@ -277,6 +293,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         whole: T,
     ) -> Vector3<T> {
         self.memory.checks.bias.interrupt();
+        self.memory.checks.noise.interrupt();
         let still = self.rate_at_rest();
         let [before, after] = [last, rate].map(|rate| rate - still);
         let unseen = self.memory.checks.motion.between(&before, &after, whole);

@@ -193,15 +193,15 @@ impl Diagnosis {
         self.gyroscope.timing.add_same(samples);
     }
 
-    /// Takes a sample as the sensor delivered it; other kinds than those of gyroscope, accelerometer and magnetometer
-    /// are left out.
-    pub fn sample(&mut self, time_ns: i64, sample: &Sample) {
+    /// Takes a sample as the sensor delivered it, with the time when it was taken and how much later (ns) its stamp is; other kinds
+    /// than those of gyroscope, accelerometer and magnetometer are left out.
+    pub fn sample(&mut self, time_ns: i64, late_ns: i64, sample: &Sample) {
         if !sample.is_finite() {
             return;
         }
         self.first_ns.get_or_insert(time_ns);
         match sample {
-            Sample::AngularRate(rate) => self.rate(time_ns, rate, sample),
+            Sample::AngularRate(rate) => self.rate((time_ns, late_ns), rate, sample),
             Sample::SpecificForce(force) => {
                 self.rests.force(force);
                 self.gravity.add(force.norm());
@@ -227,14 +227,16 @@ impl Diagnosis {
         }
     }
 
-    fn rate(&mut self, time_ns: i64, rate: &Vector3<f64>, sample: &Sample) {
+    fn rate(&mut self, (time_ns, late_ns): (i64, i64), rate: &Vector3<f64>, sample: &Sample) {
         self.rests.rate(time_ns, rate);
         let before = self.gyroscope.last.map_or(0.0, |last| last.norm());
         if rate.norm() > rests::SLOWEST_RAD_S {
             // Less may be the bias of a device that rests.
             self.turned_rad += rate.norm() * self.gyroscope.timing.summary().interval_s;
         }
-        let (saturated, hole) = self.gyroscope.add(time_ns, rate, sample, 0.0);
+        let arrived_ns = time_ns.saturating_add(late_ns);
+        let (saturated, hole) = self.gyroscope.add(arrived_ns, rate, sample, 0.0);
+        self.gyroscope.timing.add_restored(late_ns != 0);
         self.axes.rate(time_ns, rate, saturated);
         self.iron.rate(time_ns, rate, saturated);
         self.met

@@ -20,6 +20,8 @@ const WITH: f64 = 0.1;
 /// ... and where so large a share of the samples did, they come in bunches: stamps that merely vary, by up to half an interval, are
 /// that close in one of thirty.
 const BUNCHED: f64 = 0.25;
+/// Where so large a share of the samples was put back where it was taken, it is said that they were.
+const MOST: f64 = 0.25;
 /// So many pauses that are made up for afterwards may be a busy computer.
 const FEW_BURSTS: u64 = 3;
 /// Intervals that vary by less than this share of the mean one are regular: timers are no better.
@@ -49,6 +51,8 @@ pub struct TimingSummary {
     pub intervals: u64,
     /// Samples that came together with the one before, at the same instant or nearly.
     pub together: u64,
+    /// Samples whose stamp was not taken for the time of measurement: that follows from the sensor's clock.
+    pub restored: u64,
 }
 
 impl TimingSummary {
@@ -69,9 +73,17 @@ impl TimingSummary {
     #[must_use]
     pub fn in_words(&self) -> Option<String> {
         if self.is_bunched() {
+            let cure = if self.restored as f64 > MOST * self.intervals as f64 {
+                format!(
+                    "They were used as those of a regular clock, {:.2} ms apart; the sensor's own time is surer.",
+                    1e3 * self.interval_s
+                )
+            } else {
+                "Take the sensor's own time.".to_owned()
+            };
             return Some(format!(
                 "The gyroscope's samples come in bunches ({} of {} come with the one before, or make up for a \
-                 pause): their stamps look like times of arrival. Take the sensor's own time.",
+                 pause): their stamps look like times of arrival. {cure}",
                 self.bursts.max(self.together),
                 self.intervals,
             ));
@@ -116,6 +128,11 @@ impl Timing {
     pub const fn add_same(&mut self, samples: u64) {
         self.summary.intervals += samples;
         self.summary.together += samples;
+    }
+
+    /// Notes whether the last sample was used at another time than its stamp.
+    pub fn add_restored(&mut self, restored: bool) {
+        self.summary.restored += u64::from(restored);
     }
 
     /// Takes the next stamp. Returns the hole that it ends, which is known as soon as samples come regularly again.
