@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use northing_core::faults::sampling_clock::SamplingClock;
-use northing_evaluation::attitude::{Instant, InstantSource, RunObserver, RunOptions};
+use northing_evaluation::attitude::{Instant, InstantSource, Instants, RunObserver, RunOptions};
 use northing_evaluation::{EvaluationError, estimate, estimate_instants};
 use northing_recording::plausibility::Plausibility;
 use northing_recording::{
@@ -138,10 +138,9 @@ impl InstantSource for Gathered<'_> {
     }
 }
 
-/// Whether samples are used at other times than their stamps: a recording sees to that.
-fn comes_in_bunches(stamps: &[i64]) -> bool {
+fn comes_in_bunches(stream: &Stream) -> bool {
     let mut clock = SamplingClock::<f64>::default();
-    stamps.iter().any(|stamp| {
+    stream.time_ns.iter().any(|stamp| {
         clock.arrived(*stamp);
         clock.is_bunched()
     })
@@ -154,6 +153,8 @@ pub(crate) struct Arrays {
     magnetometer: Option<Arc<Stream>>,
     world_frame: WorldFrame,
     options: OpenOptions,
+    /// Whether samples of any of them are used at other times than their stamps: a recording sees to that.
+    in_bunches: bool,
 }
 
 impl Arrays {
@@ -170,7 +171,10 @@ impl Arrays {
         world_frame: WorldFrame,
         options: OpenOptions,
     ) -> Self {
+        let others = accelerometer.iter().chain(&magnetometer);
+        let in_bunches = [&gyroscope].into_iter().chain(others).any(comes_in_bunches);
         Self {
+            in_bunches,
             gyroscope: Arc::new(gyroscope),
             accelerometer: accelerometer.map(Arc::new),
             magnetometer: magnetometer.map(Arc::new),
@@ -194,12 +198,11 @@ impl Arrays {
             (SensorKind::Accelerometer, self.accelerometer.as_ref()),
             (SensorKind::Magnetometer, self.magnetometer.as_ref()),
         ];
-        let mut there = streams.iter().filter_map(|(_, stream)| *stream);
         let is_as_it_is = asked.gyroscope_unit.is_none()
             && asked.accelerometer_unit.is_none()
             && asked.magnetometer_unit.is_none()
             && options.magnetometer_calibration.is_none()
-            && !there.any(|stream| comes_in_bunches(&stream.time_ns));
+            && !self.in_bunches;
         if !is_as_it_is {
             return estimate(self.recording(), options, observer);
         }
@@ -212,9 +215,15 @@ impl Arrays {
         estimate_instants(&mut gathered, options, observer)
     }
 
-    /// The stamps of the gyroscope.
+    /// When the samples of the gyroscope were taken: their stamps, unless they come in bunches.
     pub(crate) fn stamps(&self) -> Arc<[i64]> {
-        Arc::clone(&self.gyroscope.time_ns)
+        if !self.in_bunches {
+            return Arc::clone(&self.gyroscope.time_ns);
+        }
+        // What is wrong with them the run itself says.
+        let instants = Instants::new(self.recording()).map_while(Result::ok);
+        let rates = instants.filter(|instant| instant.angular_rate.is_some());
+        rates.map(|instant| instant.time_ns).collect()
     }
 
     /// As a recording.

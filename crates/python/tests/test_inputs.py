@@ -42,6 +42,18 @@ def test_an_estimate_is_right_and_its_uncertainty_too(phone: Arrays) -> None:
     assert {v.sensor for v in r.verdicts} <= {"accelerometer", "magnetometer"} and r.parameters
 
 
+def test_samples_that_come_in_bunches_are_put_back_where_they_were_taken(phone: Arrays) -> None:
+    regular = no.attitude(phone["gyr"], phone["acc"], phone["mag"], t=phone["t"])
+    count = np.arange(3000)
+    arrived = phone["t"][count // 4 * 4 + 3] + 1e-4 * (count % 4)
+    r = no.attitude(phone["gyr"], phone["acc"], phone["mag"], t=arrived)
+    assert r.quat.shape == (3000, 4) and abs(r.undefined - regular.undefined) <= 1
+    # The last of a bunch is read 0.3 ms after it is taken.
+    np.testing.assert_allclose(r.t[10:], phone["t"][10:], atol=1e-3)
+    same = np.abs(np.sum(r.quat[500:] * regular.quat[500:], axis=1))
+    assert np.degrees(2 * np.arccos(np.clip(same, -1, 1))).max() < 0.2
+
+
 def test_what_alignment_leaves_undefined_is_nan_and_said(phone: Arrays) -> None:
     r = no.attitude(phone["gyr"], phone["acc"], phone["mag"], rate=100.0)
     first = r.undefined

@@ -83,7 +83,10 @@ impl<T: Scalar> RateNoise<T> {
         if usize::from(self.count) < STRETCHES {
             return T::zero();
         }
-        self.stretches.iter().copied().fold(self.stretches[0], T::min)
+        self.stretches
+            .iter()
+            .copied()
+            .fold(self.stretches[0], T::min)
     }
 
     /// The numbers, for checks of a saved state.

@@ -31,7 +31,7 @@ const ENDS: u32 = 32;
 /// A sample that is late by more than so many times the latest one so far, and intervals, comes behind a hole.
 const LATER: f64 = 2.0;
 const LATE: f64 = 4.0;
-/// An end that is off by more than so many intervals, and by more than usual by this factor, is not believed before the next one agrees.
+/// An end that is off by more than so many intervals, and by more than usual by this factor, counts only if the next one agrees.
 const OFF: f64 = 0.5;
 const USUALLY_OFF: f64 = 4.0;
 /// Instants follow one another by at least this share of an interval.
@@ -69,7 +69,7 @@ struct Line<T: Scalar> {
     /// Ends that the line is through, and samples since the last.
     ends: u32,
     since_end: u32,
-    /// How far ends usually are from it, s, and the last that was not believed.
+    /// How far ends usually are from it, s, and the last that did not count.
     usually_off: T,
     doubted: Option<T>,
     /// How late the first of a bunch comes, s: on average, and the latest.
@@ -127,14 +127,20 @@ impl<T: Scalar> SamplingClock<T> {
     /// stay away for longer than it has before.
     #[must_use]
     pub fn earliest_next_ns(&self, now_ns: i64) -> i64 {
-        let (Some(line), Some(arrived_ns)) = (&self.line, self.arrived_ns) else {
+        let Some(line) = &self.line else {
             return now_ns;
         };
         let longest = line.longest_wait() + line.interval;
+        let Some(arrived_ns) = self.arrived_ns else {
+            return now_ns.saturating_sub(to_ns(longest));
+        };
         if seconds::<T>(arrived_ns, now_ns) > longest {
             return now_ns;
         }
-        (self.given_ns.saturating_add(to_ns(line.interval * lit(LEAST)).max(1))).min(now_ns)
+        (self
+            .given_ns
+            .saturating_add(to_ns(line.interval * lit(LEAST)).max(1)))
+        .min(now_ns)
     }
 
     /// The same clock before the first sample, with what was learnt of it: for those who can look at the first samples of a

@@ -275,7 +275,10 @@ mod tests {
         assert_eq!(passed.len(), 2000);
         assert!(passed.is_sorted_by_key(|arrived| arrived.event.time_ns));
         for (k, Arrived { event, arrived_ns }) in passed.iter().enumerate() {
-            let (taken, sensor) = (k as i64 / 2, [SensorKind::Gyroscope, SensorKind::Accelerometer]);
+            let (taken, sensor) = (
+                k as i64 / 2,
+                [SensorKind::Gyroscope, SensorKind::Accelerometer],
+            );
             assert_eq!(number(event), (sensor[k % 2], taken));
             let after = 5_000_000 * (k as i64 % 2);
             let off = event.time_ns - taken * INTERVAL_NS - after;

@@ -382,6 +382,11 @@ fn samples_that_arrive_in_pairs_are_bursts_and_no_jitter() {
         events.sort_by_key(Event::place);
         let (findings, _) = diagnosed(events);
         assert_eq!(first(&findings), Some(Cause::Bursts), "{findings:?}");
+        let sentence = &findings[0].sentence;
+        assert!(
+            sentence.contains("as those of a regular clock, 10.00 ms apart"),
+            "{sentence}"
+        );
         let jitter = |f: &Finding| f.cause == Cause::Jitter;
         assert!(!findings.iter().any(jitter), "{findings:?}");
     }

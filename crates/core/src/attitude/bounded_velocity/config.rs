@@ -189,16 +189,13 @@ impl<T: Scalar> BoundedVelocityConfig<T> {
     /// Power spectral density ((rad/s)^2/Hz) of the angle noise: white, of which the samples show `learnt`, per rate, and where
     /// axes of the rate as measured are saturated (B6).
     #[inline]
-    pub(super) fn angle_noise_psd(
-        &self,
-        rate: &Vector3<T>,
-        measured: &Vector3<T>,
-        learnt: T,
-    ) -> T {
+    pub(super) fn angle_noise_psd(&self, rate: &Vector3<T>, measured: &Vector3<T>, learnt: T) -> T {
         let (white, scale) = (self.gyroscope_noise_density, self.gyroscope_scale_noise);
         let saturated = saturated_axes(measured, self.gyroscope_saturation);
         let walk = self.saturation_angle_random_walk;
-        (white * white).max(learnt) + scale * scale * rate.norm_squared() + saturated * (walk * walk)
+        (white * white).max(learnt)
+            + scale * scale * rate.norm_squared()
+            + saturated * (walk * walk)
     }
 
     /// Power spectral density ((m/s^2)^2/Hz) of the velocity noise at the squared acceleration

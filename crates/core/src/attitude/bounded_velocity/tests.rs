@@ -4,6 +4,7 @@ mod jacobians;
 mod robustness;
 
 use super::*;
+use crate::attitude::driver::{AttitudeDriver, DriverConfig};
 use crate::attitude::integration::Integration;
 use crate::attitude::test_world;
 use crate::attitude::{AttitudeConfig, References};
@@ -276,6 +277,41 @@ fn without_other_sensors_the_gyroscope_is_followed_and_the_covariance_grows() {
     let apart = rotation::angle_between(&gyroscope.attitude(), &f.attitude());
     assert!(apart < 1e-9, "{apart} rad");
     assert!(last > 0.1, "{last} rad^2");
+}
+
+/// A gyroscope whose white noise is eight times what is configured, on a table: the driver learns it from the samples, and the filter states it.
+#[test]
+fn white_noise_of_the_gyroscope_is_learnt_where_it_is_more_than_configured() {
+    let at_the_table = |density: f64, gain: f64| {
+        let config = BoundedVelocityConfig {
+            gyroscope_noise_gain: gain,
+            ..BoundedVelocityConfig::lab()
+        };
+        let filter = BoundedVelocity::new(config).unwrap();
+        let mut driver = AttitudeDriver::new(filter, DriverConfig::default());
+        let mut rng = Pcg64Mcg::seed_from_u64(9);
+        for k in 0..2000_i64 {
+            let time_ns = k * 10_000_000;
+            let std = density * 10.0;
+            let noise = Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(StandardNormal));
+            driver.gyroscope(time_ns, &noise);
+            driver.accelerometer(time_ns, &Vector3::new(0.0, 0.0, 9.8));
+        }
+        driver.estimator
+    };
+    let noisy = at_the_table(1e-2, 1.0);
+    let learnt = noisy.state.gyroscope_noise_psd.sqrt();
+    assert!((learnt / 1e-2 - 1.0).abs() < 0.2, "{learnt}");
+    let good = at_the_table(1e-5, 1.0);
+    let deaf = at_the_table(1e-2, 0.0);
+    let trace = |f: &BoundedVelocity<f64>| f.attitude_covariance().unwrap().trace();
+    assert!(trace(&noisy) > 2.0 * trace(&deaf), "{}", trace(&noisy));
+    assert!(trace(&noisy) > 2.0 * trace(&good));
+    let mut f = noisy;
+    for nonsense in [f64::NAN, f64::INFINITY, -1.0] {
+        f.learn_gyroscope_noise(nonsense);
+        assert!((f.state.gyroscope_noise_psd.sqrt() - learnt).abs() < 1e-12);
+    }
 }
 
 #[test]

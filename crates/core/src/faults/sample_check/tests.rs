@@ -118,6 +118,20 @@ fn a_sudden_turn_is_a_step_and_its_integral_is_kept() {
     assert!(is_quiet(&said));
 }
 
+/// At a sixtieth of a second, from a rest to 1000 deg/s in a tenth.
+#[test]
+fn a_fast_turn_that_begins_waits_once_at_most() {
+    let mut still = hand(13, 0.002);
+    let turned = |k: i64| {
+        let since = (k - 200).clamp(0, 6) as f64 / 6.0;
+        still(0) * 1e-3 + Vector3::new(17.0, -4.0, 2.0) * (since * since * (3.0 - 2.0 * since))
+    };
+    let said = said(400, turned);
+    let waits = |c: &&Checked<f64>| matches!(c, Checked::Suspect);
+    assert!(said.iter().filter(waits).count() <= 1, "{said:?}");
+    assert!(is_quiet(&said));
+}
+
 #[test]
 fn a_gyroscope_that_freezes_in_motion_is_stuck_within_a_twentieth_of_a_second() {
     for (seed, resolution) in [(2, 0.0), (3, 1e-3), (4, 0.02)] {

@@ -261,7 +261,7 @@ fn the_rate() {
             ),
             (
                 "reason.rateTwice",
-                sketch.clone().answer("rate", fails / 4.0),
+                sketch.clone().answer("rate", fails / 2.0),
             ),
             ("reason.rateRange", sketch.clone().answer("rate", 200)),
         ],
