@@ -74,12 +74,9 @@ impl TimingSummary {
     pub fn in_words(&self) -> Option<String> {
         if self.is_bunched() {
             let cure = if self.restored as f64 > MOST * self.intervals as f64 {
-                format!(
-                    "They were used as those of a regular clock, {:.2} ms apart; the sensor's own time is surer.",
-                    1e3 * self.interval_s
-                )
+                "They were used as those of a regular clock; the sensor's own time is surer."
             } else {
-                "Take the sensor's own time.".to_owned()
+                "Take the sensor's own time."
             };
             return Some(format!(
                 "The gyroscope's samples come in bunches ({} of {} come with the one before, or make up for a \
