@@ -58,7 +58,7 @@ impl<T: Scalar> RateNoise<T> {
             difference -= before;
         }
         self.sum += difference.norm_squared();
-        self.samples += 1;
+        self.samples = self.samples.saturating_add(1);
         if self.samples < STRETCH {
             return false;
         }
@@ -68,7 +68,7 @@ impl<T: Scalar> RateNoise<T> {
         if psd.is_finite() {
             self.stretches.rotate_left(1);
             self.stretches[STRETCHES - 1] = psd;
-            self.count = (self.count + 1).min(STRETCHES as u8);
+            self.count = self.count.saturating_add(1).min(STRETCHES as u8);
         }
         true
     }

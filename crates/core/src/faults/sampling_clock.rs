@@ -137,10 +137,8 @@ impl<T: Scalar> SamplingClock<T> {
         if seconds::<T>(arrived_ns, now_ns) > longest {
             return now_ns;
         }
-        (self
-            .given_ns
-            .saturating_add(to_ns(line.interval * lit(LEAST)).max(1)))
-        .min(now_ns)
+        let least_ns = to_ns(line.interval * lit(LEAST)).max(1);
+        self.given_ns.saturating_add(least_ns).min(now_ns)
     }
 
     /// The same clock before the first sample, with what was learnt of it: for those who can look at the first samples of a
@@ -209,7 +207,7 @@ impl<T: Scalar> SamplingClock<T> {
         let mean = self.interval;
         if dt > mean * lit(HOLE) {
             self.run = 0;
-            self.holes += 1;
+            self.holes = self.holes.saturating_add(1);
             if self.holes >= HOLES {
                 *self = Self {
                     arrived_ns: self.arrived_ns,
@@ -223,7 +221,7 @@ impl<T: Scalar> SamplingClock<T> {
         let weight = lit::<T>(1.0 / MEMORY);
         self.interval += (dt - mean) * weight;
         if dt < mean * lit(WITH) {
-            self.run += 1;
+            self.run = self.run.saturating_add(1);
             return true;
         }
         self.pause(dt);
