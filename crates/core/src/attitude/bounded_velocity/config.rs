@@ -98,6 +98,11 @@ parameters! {
     hand_velocity_std: T, "m/s", From(1e-3, 1e4), [0.7],
         "standard deviation of the velocity of a hand; a vehicle may be 5 or 25 times faster",
         "Which of the three it is is found by their likelihood. Raising it takes fewer walkers for vehicles, and finds vehicles later.";
+    wandering_bias_weight: T, "-", From(0.0, 0.3), [0.01],
+        "how likely it is, before anything is known, that the bias of the gyroscope wanders",
+        "Weighed against a hand and a vehicle. Raising it finds steps of the bias sooner, and takes more motions for one; 0: never.";
+    wandering_bias_time_s: T, "s", From(1e-2, 1e9), [100.0],
+        "so long it then takes to wander as far as `initial_gyroscope_bias_std`";
     acceleration_average_s: T, "s", From(1e-4, 1e9), [1.5],
         "time over which that square is averaged";
     magnetometer_std_ut: T, "microtesla", From(1e-4, 1e6), [2.5],
@@ -143,6 +148,9 @@ parameters! {
     rest_rate_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.75e-3],
         "noise of `the rate is the bias` at rest",
         "0.1 deg/s/sqrt(Hz).";
+    rest_bias_doubt: T, "-", From(0.0, 1e6), [3.0],
+        "standard deviations of the rate at a rest from the bias beyond which the bias is doubted",
+        "Raising it follows steps of the bias later; 0: never.";
     rest_velocity_psd: T, "m^2/s", From(1e-9, 1e4), [9e-4],
         "most noise of `velocity is zero` at rest";
     gyroscope_saturation: T, "rad/s", From(0.0, 1e4), [0.0],

@@ -154,6 +154,18 @@ impl<T: Scalar> RestDetector<T> {
         (rate2 * twice, force2 * lasts * lasts * twice)
     }
 
+    /// Mean rate of the last moments (rad/s, as measured), over how long it averages white noise, s, and how long a change of it
+    /// passes for a slow turn, s.
+    #[inline]
+    pub(super) fn mean_rate(
+        &self,
+        config: &BoundedVelocityConfig<T>,
+    ) -> Option<(Vector3<T>, [T; 2])> {
+        let rate = self.angular_rate.as_ref()?;
+        let time = config.rest_average_s * lit(2.0);
+        Some((rate.average, [time, time * lit(SLOWER)]))
+    }
+
     /// Ends a rest.
     #[inline]
     pub(super) fn wake(&mut self) {

@@ -1,9 +1,12 @@
 //! How fast whatever carries the device moves, from a hand to a vehicle: hypotheses with their own tilt, velocity and bias,
-//! weighed by their likelihood (multiple models; B11d to B11h).
+//! weighed by their likelihood (multiple models; B11d to B11j).
 //!
 //! A filter that takes a vehicle for a hand takes its acceleration for tilt, and is sure of it. It cannot find that out from
 //! its own velocity, which it holds near zero. Hypotheses that look at the velocity only every two seconds can: they integrate
 //! freely between two looks, so what the wrong one predicts does not happen.
+//!
+//! A gyroscope's bias that steps looks like a vehicle to them: what is known of the bias is known too well to follow. So one more is a hand
+//! whose bias wanders; where it is the likeliest, the bias has stepped, and the filter takes it over.
 
 use nalgebra::{Matrix2x3, RowVector3, SMatrix, SVector, Vector2, Vector3};
 
@@ -11,14 +14,16 @@ use super::config::BoundedVelocityConfig;
 use super::propagation::Sums;
 use crate::scalar::{Scalar, lit};
 
-/// How many hypotheses there are.
-const HYPOTHESES: usize = 3;
-/// How much faster each one is than the one before: 0.7, 3.5 and 17.5 m/s.
+/// How many hypotheses there are: three speeds, and a hand whose gyroscope's bias wanders.
+const HYPOTHESES: usize = 4;
+const WANDERING: usize = 3;
+/// How much faster each speed is than the one before: 0.7, 3.5 and 17.5 m/s.
 const FASTER: f64 = 5.0;
 /// Time between two looks at the velocity, s.
 const LOOK_S: f64 = 2.0;
-/// Weight of the slowest before anything is known; the others share the rest.
+/// Weights of the slowest and of each faster one before anything is known, relative to that of the wandering bias.
 const SLOWEST_WEIGHT: f64 = 0.7;
+const FASTER_WEIGHT: f64 = 0.15;
 /// How long it takes to get out of one and into another, s.
 const STAYS_S: f64 = 3600.0;
 /// What the priors of tilt and bias are widened by: whoever starts in motion, and phones, have tails.
@@ -118,20 +123,18 @@ pub struct SpeedHypotheses<T: Scalar> {
 
 /// Standard deviations of the velocity, m/s.
 fn speeds<T: Scalar>(config: &BoundedVelocityConfig<T>) -> [T; HYPOTHESES] {
-    let mut next = config.hand_velocity_std;
-    core::array::from_fn(|_| {
-        let std = next;
-        next *= lit(FASTER);
-        std
-    })
+    let hand = config.hand_velocity_std;
+    let faster = hand * lit(FASTER);
+    [hand, faster, faster * lit(FASTER), hand]
 }
 
-/// Before anything is known.
-fn prior<T: Scalar>(hypothesis: usize) -> T {
-    lit(match hypothesis {
-        0 => SLOWEST_WEIGHT,
-        _ => (1.0 - SLOWEST_WEIGHT) / (HYPOTHESES as f64 - 1.0),
-    })
+/// The weight before anything is known.
+fn prior<T: Scalar>(config: &BoundedVelocityConfig<T>, hypothesis: usize) -> T {
+    match hypothesis {
+        0 => lit(SLOWEST_WEIGHT),
+        WANDERING => config.wandering_bias_weight,
+        _ => lit(FASTER_WEIGHT),
+    }
 }
 
 impl<T: Scalar> SpeedHypotheses<T> {
@@ -141,7 +144,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
             hypotheses: core::array::from_fn(|k| Hypothesis {
                 x: SVector::zeros(),
                 p: SMatrix::zeros(),
-                weight: prior(k),
+                weight: prior(config, k),
                 likelihood: T::zero(),
             }),
             likeliest: 0,
@@ -167,8 +170,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
 
     /// Whether a saved one can be continued from.
     pub(super) fn is_valid(&self) -> bool {
-        let count = HYPOTHESES as u8;
-        self.likeliest < count && self.looked <= count
+        usize::from(self.likeliest) < WANDERING && usize::from(self.looked) <= HYPOTHESES
     }
 
     /// Standard deviation of the velocity, m/s, under the likeliest hypothesis.
@@ -277,7 +279,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
     }
 
     /// The next hypothesis looks at the velocity (B11d to B11g). Gives the likeliest, as it is now, when all have and it is a
-    /// faster one than before: the filter was wrong until now. Where a number is not finite, they begin again.
+    /// faster one than before, or the bias has stepped: the filter was wrong until now. Where a number is not finite, they begin again.
     pub(super) fn look(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Hypothesis<T>> {
         if !self.is_looking() {
             self.looked_over = core::mem::replace(&mut self.interval, Interval::new());
@@ -287,7 +289,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
         if self.is_looking() {
             return None;
         }
-        if !self.weigh() {
+        if !self.weigh(config) {
             *self = Self::new(
                 config,
                 config.maximum_attitude_std * config.maximum_attitude_std,
@@ -295,52 +297,64 @@ impl<T: Scalar> SpeedHypotheses<T> {
             );
             return None;
         }
-        self.faster().map(|mut faster| {
-            faster.predict(&self.interval);
-            faster
+        self.another(config).map(|mut likeliest| {
+            likeliest.predict(&self.interval);
+            likeliest
         })
     }
 
     /// The next one looks.
     fn look_once(&mut self, config: &BoundedVelocityConfig<T>) {
         let (next, over) = (usize::from(self.looked), &self.looked_over);
+        let looks = dependent_looks(config, over.time);
         let speeds = speeds(config);
         let mut models = self.hypotheses.iter_mut().zip(speeds).skip(next);
         if let Some((h, std)) = models.next() {
             h.predict(over);
-            h.likelihood = h.log_likelihood(speeds.iter().take(next + 1));
-            // Looks at a velocity that lasts are no independent ones (B11h); a hand's are.
-            let lasts = config.velocity_correlation_time_s * lit(2.0) / over.time;
-            let looks = if next == 0 {
-                T::one()
+            if next == WANDERING {
+                h.wander(config, over.time);
+                h.likelihood = h.log_likelihood([std].iter());
+                h.update(std * std);
             } else {
-                lasts.max(T::one())
-            };
-            h.update(std * std * looks);
+                h.likelihood = h.log_likelihood(speeds.iter().take(next + 1));
+                // A hand's looks are independent ones (B11h).
+                let looks = if next == 0 { T::one() } else { looks };
+                h.update(std * std * looks);
+            }
         }
         self.looked = self.looked.saturating_add(1);
     }
 
-    /// Chooses the likeliest; gives it where it is faster than the one before.
-    fn faster(&mut self) -> Option<Hypothesis<T>> {
-        let (mut best, mut number) = (&self.hypotheses[0], 0);
+    /// Chooses the likeliest; gives it where it is faster than the one before, or where the bias has stepped: it is the hand then.
+    fn another(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Hypothesis<T>> {
+        let (mut best, mut number) = (self.hypotheses[0], 0);
         for (k, h) in (1..).zip(self.hypotheses.iter().skip(1)) {
             if h.weight > best.weight {
-                (best, number) = (h, k);
+                (best, number) = (*h, k);
             }
         }
+        if usize::from(number) == WANDERING {
+            // It begins anew from there, and the vehicles go on.
+            self.hypotheses[0] = best;
+            self.hypotheses[WANDERING].weight =
+                best.weight * prior(config, WANDERING) * (T::one() - stays(self.looked_over.time));
+            self.likeliest = 0;
+            return Some(best);
+        }
         let before = core::mem::replace(&mut self.likeliest, number);
-        (number > before).then_some(*best)
+        (number > before).then_some(best)
     }
 
     /// Weights by Bayes' rule; each may have changed into any meanwhile (B11g). Gives whether all numbers are finite.
-    fn weigh(&mut self) -> bool {
-        let stay = (-self.looked_over.time / lit(STAYS_S)).exp();
+    fn weigh(&mut self, config: &BoundedVelocityConfig<T>) -> bool {
+        let stay = stays(self.looked_over.time);
+        let lasting = config.velocity_correlation_time_s / self.looked_over.time;
+        self.temper(lasting.max(T::one()));
         let first = self.hypotheses[0].likelihood;
         let most = (self.hypotheses.iter()).fold(first, |most, h| most.max(h.likelihood));
         let mut total = T::zero();
         for (k, h) in self.hypotheses.iter_mut().enumerate() {
-            let predicted = stay * h.weight + (T::one() - stay) * prior(k);
+            let predicted = stay * h.weight + (T::one() - stay) * prior(config, k);
             h.weight = predicted * (h.likelihood - most).exp();
             total += h.weight;
         }
@@ -352,6 +366,31 @@ impl<T: Scalar> SpeedHypotheses<T> {
         }
         sum.is_finite()
     }
+
+    /// A vehicle that is slow in one look is slow for about so many `looks`: what speaks against it is one look in so many (B11i).
+    fn temper(&mut self, looks: T) {
+        let [hand, faster @ .., wandering] = &mut self.hypotheses;
+        let mut slow = hand.likelihood;
+        if wandering.weight > T::zero() {
+            slow = slow.max(wandering.likelihood);
+        }
+        for h in faster {
+            if h.likelihood < slow {
+                h.likelihood = slow + (h.likelihood - slow) / looks;
+            }
+        }
+    }
+}
+
+/// The chance that a hypothesis is still the right one after so long, s.
+fn stays<T: Scalar>(time: T) -> T {
+    (-time / lit(STAYS_S)).exp()
+}
+
+/// So many looks, `time` apart, at a velocity that lasts are worth one (B11h).
+fn dependent_looks<T: Scalar>(config: &BoundedVelocityConfig<T>, time: T) -> T {
+    let looks = config.velocity_correlation_time_s * lit(2.0) / time;
+    looks.max(T::one())
 }
 
 impl<T: Scalar> Hypothesis<T> {
@@ -387,6 +426,17 @@ impl<T: Scalar> Hypothesis<T> {
         }
         for c in 0..3 {
             self.x[BIAS + c] -= interval.bias[c];
+        }
+    }
+
+    /// The bias may have changed meanwhile (B11j).
+    fn wander(&mut self, config: &BoundedVelocityConfig<T>, time: T) {
+        let variance = config.initial_gyroscope_bias_std * config.initial_gyroscope_bias_std;
+        let walk = variance * time / config.wandering_bias_time_s;
+        let most = variance * lit(BIAS_FACTOR * BIAS_FACTOR);
+        for i in BIAS..STATES {
+            let own = self.p[(i, i)];
+            self.p[(i, i)] = (own + walk).min(own.max(most));
         }
     }
 

@@ -298,6 +298,22 @@ impl<T: Scalar> BoundedVelocityState<T> {
         self.agree_about_the_speed(config);
     }
 
+    /// Adds the variance of a bias that may be off by `step` (rad/s) in one direction or the other, and has turned the attitude unseen
+    /// for `time` s.
+    pub(super) fn doubt_bias(&mut self, step: &Vector3<T>, time: T) {
+        let turned = self.level_from_body * step * -time;
+        let both = turned * step.transpose();
+        let p = &mut self.covariance;
+        let mut add = |row, column, block: Matrix3<T>| {
+            let mut place = p.fixed_view_mut::<3, 3>(row, column);
+            place += block;
+        };
+        add(ATTITUDE, ATTITUDE, turned * turned.transpose());
+        add(ATTITUDE, BIAS, both);
+        add(BIAS, ATTITUDE, both.transpose());
+        add(BIAS, BIAS, step * step.transpose());
+    }
+
     /// From body axes, where the attitude is.
     fn set_attitude_covariance(&mut self, body: &Matrix3<T>) {
         let r = self.level_from_body.to_rotation_matrix().into_inner();

@@ -206,6 +206,69 @@ fn a_car_is_no_hand() {
     );
 }
 
+/// Largest angle between true and estimated up, deg, in the last ten seconds of two minutes in a hand without a magnetometer that
+/// turns slowly, whose bias steps after a minute; and its standard deviation then.
+fn after_a_step(config: BoundedVelocityConfig<f64>, step: &Vector3<f64>) -> (f64, f64) {
+    let mut f = filter(config);
+    let mut rng = Pcg64Mcg::seed_from_u64(7);
+    let mut noise = |std: f64| Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(StandardNormal));
+    let (mut truth, mut worst, mut std) = (UnitQuaternion::identity(), 0.0_f64, 0.0);
+    for k in 0..12_000 {
+        let t = f64::from(k) * 0.01;
+        let rate = Vector3::new((0.5 * t).sin(), (0.4 * t).cos(), 0.3) * 0.5;
+        truth = rotation::renormalize(&(truth * so3::exp(&(rate * 0.01))));
+        let sway = Vector3::new((5.0 * t).sin(), (4.0 * t).cos(), 0.0) * 0.3;
+        let bias = if k > 6000 { *step } else { Vector3::zeros() };
+        f.propagate(&(rate + bias + noise(0.002)), 0.01);
+        let force = truth.inverse() * (Vector3::new(0.0, 0.0, 9.81) + sway);
+        f.update_accelerometer(&(force + noise(0.1)));
+        if k > 11_000 {
+            let up = f.state.level_from_body * (truth.inverse() * Vector3::z());
+            worst = worst.max(up.angle(&Vector3::z()).to_degrees());
+            std = f.state.covariance.fixed_view::<2, 2>(0, 0).trace().sqrt();
+        }
+    }
+    (worst, std.to_degrees())
+}
+
+/// GIVEN a hand WHEN the bias steps by a degree a second THEN the tilt is right again within a minute; it never was without the
+/// hypothesis of a bias that wanders.
+#[test]
+fn a_step_of_the_bias_is_no_vehicle() {
+    let config = BoundedVelocityConfig::<f64>::lab();
+    let step = Vector3::new(0.012, -0.01, 0.008);
+    let (tilt, std) = after_a_step(config, &step);
+    let never = BoundedVelocityConfig {
+        wandering_bias_weight: 0.0,
+        ..config
+    };
+    let (lost, stated) = after_a_step(never, &step);
+    assert!(tilt < 2.0 && tilt < 3.0 * std, "{tilt} {std}");
+    assert!(lost > 5.0 * stated, "{lost} {stated}");
+}
+
+/// GIVEN a device that rests WHEN its bias steps THEN the filter has it in seconds, and a turn about the vertical, which no
+/// accelerometer sees, stays a turn.
+#[test]
+fn a_step_of_the_bias_at_a_rest_is_followed_at_once() {
+    let after = |doubt: f64, step: Vector3<f64>| {
+        let mut f = filter(BoundedVelocityConfig {
+            rest_bias_doubt: doubt,
+            ..BoundedVelocityConfig::<f64>::lab()
+        });
+        for k in 0..7000 {
+            let bias = if k < 6000 { Vector3::zeros() } else { step };
+            f.propagate(&bias, 0.01);
+            f.update_accelerometer(&Vector3::new(0.0, 0.0, 9.81));
+        }
+        (f.state.gyroscope_bias - step).norm() / step.norm()
+    };
+    let tilting = Vector3::new(0.014, 0.0, 0.003);
+    assert!(after(3.0, tilting) < 0.2 && after(0.0, tilting) > 0.7);
+    let upright = Vector3::new(0.0, 0.0, 0.014);
+    assert!((after(3.0, upright) - after(0.0, upright)).abs() < 1e-9);
+}
+
 #[test]
 fn north_east_down_is_the_same_filter() {
     let mut enu = filter(full::<f64>());

@@ -96,8 +96,13 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let time = state.since_velocity_update;
         let resting = state.rest.is_resting();
         let slow = resting.then(|| state.rest.slow_motion_psd(config, state.gravity));
+        let density = config.rest_rate_noise_density;
+        let white = (density * density).max(state.gyroscope_noise_psd);
         // A vehicle that does not accelerate may move.
         let stands = slow.filter(|_| !state.speed_hypotheses.is_vehicle());
+        if let Some((turn_psd, _)) = stands {
+            Self::doubt_at_rest(config, state, white + turn_psd);
+        }
         let psd = Self::velocity_psd(config, state, stands.map(|(_, motion)| motion));
         let variance = psd / time;
         let residual = -state.velocity;
@@ -109,8 +114,6 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let mut done = projection.fuse(p, &mut x, &residual, variance);
         if let Some((turn_psd, _)) = slow {
             let still = state.rate_sum / time - state.gyroscope_bias;
-            let density = config.rest_rate_noise_density;
-            let white = (density * density).max(state.gyroscope_noise_psd);
             let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
             let projection = Projection::new(p, active, rows);
             done = projection.fuse(p, &mut x, &still, (white + turn_psd) / time) && done;
@@ -125,14 +128,37 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         }
     }
 
-    /// Weighs how fast the device is carried, and where it is faster than the filter thought, takes over what is estimated
-    /// under that hypothesis (B11h): its own tilt is wrong and overconfident. At a rest of a hand all agree with the filter.
+    /// Doubts the bias where a rest shows a rate that it does not explain, about an axis that is not upright: a turn about that would
+    /// show in the specific force (B14d).
+    fn doubt_at_rest(
+        config: &BoundedVelocityConfig<T>,
+        state: &mut BoundedVelocityState<T>,
+        noise_psd: T,
+    ) {
+        let Some((rate, [time, unseen])) = state.rest.mean_rate(config) else {
+            return;
+        };
+        let off = rate - state.gyroscope_bias;
+        let up = state.level_from_body.inverse() * Vector3::z();
+        let tilting = off - up * up.dot(&off);
+        let p = state.covariance.fixed_view::<3, 3>(BIAS, BIAS);
+        // The variance along it, times its square.
+        let size2 = tilting.norm_squared();
+        let expected = tilting.dot(&(p * tilting)) + size2 * noise_psd / time;
+        let doubt = config.rest_bias_doubt;
+        if doubt > T::zero() && size2 * size2 > expected * doubt * doubt {
+            state.doubt_bias(&off, unseen);
+        }
+    }
+
+    /// Weighs how fast the device is carried, and where it is faster than the filter thought, or its bias has stepped, takes over what
+    /// is estimated under that hypothesis (B11h): its own tilt is wrong and overconfident. At a rest of a hand all agree with the filter.
     fn look_at_the_speed(&mut self) {
         if !self.state.speed_hypotheses.is_due() {
             return;
         }
-        if let Some(faster) = self.state.speed_hypotheses.look(&self.config) {
-            let correction = self.state.take_covariance(&faster);
+        if let Some(likeliest) = self.state.speed_hypotheses.look(&self.config) {
+            let correction = self.state.take_covariance(&likeliest);
             self.apply(&correction);
             self.tell(Moment::Started);
         }

@@ -21,11 +21,11 @@ fn feed(hypotheses: &mut SpeedHypotheses<f64>, level: &Vector3<f64>, dt: f64) {
 /// which hypothesis is the likeliest after each look.
 fn carried(
     hypotheses: &mut SpeedHypotheses<f64>,
+    config: &BoundedVelocityConfig<f64>,
     seconds: f64,
     acceleration: impl Fn(f64) -> f64,
     bias: f64,
 ) -> Vec<u8> {
-    let config = BoundedVelocityConfig::<f64>::lab();
     let (dt, mut likeliest, mut tilted) = (0.01, Vec::new(), 0.0_f64);
     for k in 0..(seconds / dt) as u32 {
         let a = acceleration(f64::from(k) * dt);
@@ -34,7 +34,7 @@ fn carried(
         let level = Vector3::new(a - GRAVITY * tilted, 0.0, GRAVITY);
         feed(hypotheses, &level, dt);
         if hypotheses.is_due() {
-            hypotheses.look(&config);
+            hypotheses.look(config);
             if !hypotheses.is_looking() {
                 likeliest.push(hypotheses.likeliest);
             }
@@ -43,26 +43,81 @@ fn carried(
     likeliest
 }
 
+/// The speeds alone: a car that begins to accelerate is a bias that wanders for the first looks.
+fn speeds_alone() -> BoundedVelocityConfig<f64> {
+    BoundedVelocityConfig {
+        wandering_bias_weight: 0.0,
+        ..BoundedVelocityConfig::lab()
+    }
+}
+
 fn fresh() -> SpeedHypotheses<f64> {
-    let config = BoundedVelocityConfig::<f64>::lab();
-    SpeedHypotheses::new(&config, 0.03_f64.powi(2), 0.005_f64.powi(2))
+    SpeedHypotheses::new(&speeds_alone(), 0.03_f64.powi(2), 0.005_f64.powi(2))
 }
 
 #[test]
 fn a_hand_is_a_hand_and_a_car_is_none() {
     let mut h = fresh();
-    let hand = carried(&mut h, 20.0, |t| 3.0 * (5.0 * t).sin(), 0.0);
+    let hand = carried(
+        &mut h,
+        &speeds_alone(),
+        20.0,
+        |t| 3.0 * (5.0 * t).sin(),
+        0.0,
+    );
     assert!(hand.iter().all(|k| *k == 0), "{hand:?}");
     // From there into a car that gets to 20 m/s in 10 s and stays at it.
-    let speed = carried(&mut h, 30.0, |t| if t < 10.0 { 2.0 } else { 0.0 }, 0.0);
+    let speed = carried(
+        &mut h,
+        &speeds_alone(),
+        30.0,
+        |t| if t < 10.0 { 2.0 } else { 0.0 },
+        0.0,
+    );
     assert!(speed.iter().skip(3).all(|k| *k >= 1), "{speed:?}");
+}
+
+/// GIVEN looks at a velocity that lasts WHEN they speak against a vehicle THEN they count once for as long as it lasts; what speaks for it
+/// counts in full.
+#[test]
+fn looks_at_a_vehicle_that_is_slow_are_few() {
+    let mut h = fresh();
+    let mut tempered = |likelihoods: [f64; HYPOTHESES]| {
+        for (h, likelihood) in h.hypotheses.iter_mut().zip(likelihoods) {
+            h.likelihood = likelihood;
+        }
+        h.temper(5.0);
+        h.hypotheses.map(|h| h.likelihood)
+    };
+    assert_eq!(
+        tempered([-2.0, -4.0, -12.0, -7.0]),
+        [-2.0, -2.4, -4.0, -7.0]
+    );
+    assert_eq!(tempered([-9.0, -3.0, -4.0, -9.5]), [-9.0, -3.0, -4.0, -9.5]);
+    // A bias that wanders is slow, too, where there is such a hypothesis.
+    assert_eq!(tempered([-9.0, -4.0, -3.0, -2.0]), [-9.0, -4.0, -3.0, -2.0]);
+    h.hypotheses[WANDERING].weight = 0.01;
+    h.temper(5.0);
+    assert_eq!(h.hypotheses.map(|h| h.likelihood), [-9.0, -2.4, -2.2, -2.0]);
+}
+
+/// GIVEN a hand whose bias is known WHEN it steps THEN the likeliest becomes a hand with the new bias, and no vehicle after that.
+#[test]
+fn a_bias_that_steps_is_found() {
+    let config = BoundedVelocityConfig::<f64>::lab();
+    let mut h = SpeedHypotheses::new(&config, 0.01_f64.powi(2), 0.0005_f64.powi(2));
+    let sway = |t: f64| 2.0 * (4.0 * t).sin();
+    let likeliest = carried(&mut h, &config, 60.0, sway, 0.015);
+    assert!(likeliest[15..].iter().all(|k| *k == 0), "{likeliest:?}");
+    let learnt = h.hypotheses[0].x[BIAS + 1];
+    assert!((learnt + 0.015).abs() < 2e-3, "{learnt}");
 }
 
 #[test]
 fn a_bias_is_learnt_and_is_no_vehicle() {
     let mut h = fresh();
     let sway = |t: f64| 2.0 * (4.0 * t).sin();
-    let likeliest = carried(&mut h, 30.0, sway, 0.01);
+    let likeliest = carried(&mut h, &BoundedVelocityConfig::lab(), 30.0, sway, 0.01);
     let last = &likeliest[5..];
     assert!(last.iter().all(|k| *k == 0), "{likeliest:?}");
     let learnt = h.hypotheses[0].x[BIAS + 1];
