@@ -1,18 +1,29 @@
 // Runs the browser tests, two at a time, and counts: `browser tests: N passed, N failed, N skipped`.
 import { spawn } from "node:child_process";
-import { availableParallelism, loadavg } from "node:os";
+import { cpus } from "node:os";
 import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { fileURLToPath } from "node:url";
 
 const folder = dirname(fileURLToPath(import.meta.url));
-/** Side by side; in each lane one after the other. On a computer that is busy already all in one lane. */
+/** Side by side; in each lane one after the other. On a computer that is busy already all in one lane. The load average would not do: it is
+ * that of the minute before, and then the tests before these were running. */
 const SIDE_BY_SIDE = [["lab.mjs", "panels.mjs", "charts.mjs", "opened.mjs", "hand_in.mjs", "words.mjs", "looks.mjs"], ["phones.mjs", "truth.mjs", "phone.mjs", "wall.mjs", "class.mjs"]];
-const LANES = loadavg()[0] < availableParallelism() + 1 ? SIDE_BY_SIDE : [SIDE_BY_SIDE.flat()];
+const LANES = await busyShare(3000) < 0.5 ? SIDE_BY_SIDE : [SIDE_BY_SIDE.flat()];
 const LONGEST_S = 2100;
 
 const children = new Set();
 let passed = 0, failed = 0;
+
+/** Share of the processors' time that is used by others while this waits for so many milliseconds. */
+async function busyShare(milliseconds) {
+  const spent = () => cpus().map(({ times }) => [times.idle, Object.values(times).reduce((sum, time) => sum + time, 0)])
+    .reduce(([idle, all], [i, a]) => [idle + i, all + a], [0, 0]);
+  const [idle, all] = spent();
+  await new Promise((done) => setTimeout(done, milliseconds));
+  const [idleNow, allNow] = spent();
+  return 1 - (idleNow - idle) / Math.max(allNow - all, 1);
+}
 
 function run(file) {
   return new Promise((done) => {

@@ -87,7 +87,7 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         largest_velocity_psd: 0.0,
         // All so fast that no hypothesis of the speed is told from another.
         hand_velocity_std: 1e4,
-        wandering_bias_weight: 0.0,
+        drifting_bias_weight: 0.0,
         rest_bias_doubt: 0.0,
         rest_slow_motion_gain: 0.0,
         rest_smoothing_s: 1e-6,

@@ -98,11 +98,11 @@ parameters! {
     hand_velocity_std: T, "m/s", From(1e-3, 1e4), [0.7],
         "standard deviation of the velocity of a hand; a vehicle may be 5 or 25 times faster",
         "Which of the three it is is found by their likelihood. Raising it takes fewer walkers for vehicles, and finds vehicles later.";
-    wandering_bias_weight: T, "-", From(0.0, 0.3), [0.01],
-        "how likely it is, before anything is known, that the bias of the gyroscope wanders",
+    drifting_bias_weight: T, "-", From(0.0, 0.3), [0.01],
+        "how likely it is, before anything is known, that the bias of the gyroscope drifts",
         "Weighed against a hand and a vehicle. Raising it finds steps of the bias sooner, and takes more motions for one; 0: never.";
-    wandering_bias_time_s: T, "s", From(1e-2, 1e9), [100.0],
-        "so long it then takes to wander as far as `initial_gyroscope_bias_std`";
+    drifting_bias_time_s: T, "s", From(1e-2, 1e9), [100.0],
+        "so long it then takes to drift as far as `initial_gyroscope_bias_std`";
     acceleration_average_s: T, "s", From(1e-4, 1e9), [1.5],
         "time over which that square is averaged";
     magnetometer_std_ut: T, "microtesla", From(1e-4, 1e6), [2.5],

@@ -6,7 +6,7 @@
 //! freely between two looks, so what the wrong one predicts does not happen.
 //!
 //! A gyroscope's bias that steps looks like a vehicle to them: what is known of the bias is known too well to follow. So one more is a hand
-//! whose bias wanders; where it is the likeliest, the bias has stepped, and the filter takes it over.
+//! whose bias drifts; where it is the likeliest, the bias has stepped, and the filter takes it over.
 
 use nalgebra::{Matrix2x3, RowVector3, SMatrix, SVector, Vector2, Vector3};
 
@@ -14,14 +14,14 @@ use super::config::BoundedVelocityConfig;
 use super::propagation::Sums;
 use crate::scalar::{Scalar, lit};
 
-/// How many hypotheses there are: three speeds, and a hand whose gyroscope's bias wanders.
+/// How many hypotheses there are: three speeds, and a hand whose gyroscope's bias drifts.
 const HYPOTHESES: usize = 4;
-const WANDERING: usize = 3;
+const DRIFTING: usize = 3;
 /// How much faster each speed is than the one before: 0.7, 3.5 and 17.5 m/s.
 const FASTER: f64 = 5.0;
 /// Time between two looks at the velocity, s.
 const LOOK_S: f64 = 2.0;
-/// Weights of the slowest and of each faster one before anything is known, relative to that of the wandering bias.
+/// Weights of the slowest and of each faster one before anything is known, relative to that of the drifting bias.
 const SLOWEST_WEIGHT: f64 = 0.7;
 const FASTER_WEIGHT: f64 = 0.15;
 /// How long it takes to get out of one and into another, s.
@@ -132,7 +132,7 @@ fn speeds<T: Scalar>(config: &BoundedVelocityConfig<T>) -> [T; HYPOTHESES] {
 fn prior<T: Scalar>(config: &BoundedVelocityConfig<T>, hypothesis: usize) -> T {
     match hypothesis {
         0 => lit(SLOWEST_WEIGHT),
-        WANDERING => config.wandering_bias_weight,
+        DRIFTING => config.drifting_bias_weight,
         _ => lit(FASTER_WEIGHT),
     }
 }
@@ -170,7 +170,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
 
     /// Whether a saved one can be continued from.
     pub(super) fn is_valid(&self) -> bool {
-        usize::from(self.likeliest) < WANDERING && usize::from(self.looked) <= HYPOTHESES
+        usize::from(self.likeliest) < DRIFTING && usize::from(self.looked) <= HYPOTHESES
     }
 
     /// Standard deviation of the velocity, m/s, under the likeliest hypothesis.
@@ -311,8 +311,8 @@ impl<T: Scalar> SpeedHypotheses<T> {
         let mut models = self.hypotheses.iter_mut().zip(speeds).skip(next);
         if let Some((h, std)) = models.next() {
             h.predict(over);
-            if next == WANDERING {
-                h.wander(config, over.time);
+            if next == DRIFTING {
+                h.drift(config, over.time);
                 h.likelihood = h.log_likelihood([std].iter());
                 h.update(std * std);
             } else {
@@ -333,11 +333,11 @@ impl<T: Scalar> SpeedHypotheses<T> {
                 (best, number) = (*h, k);
             }
         }
-        if usize::from(number) == WANDERING {
+        if usize::from(number) == DRIFTING {
             // It begins anew from there, and the vehicles go on.
             self.hypotheses[0] = best;
-            self.hypotheses[WANDERING].weight =
-                best.weight * prior(config, WANDERING) * (T::one() - stays(self.looked_over.time));
+            self.hypotheses[DRIFTING].weight =
+                best.weight * prior(config, DRIFTING) * (T::one() - stays(self.looked_over.time));
             self.likeliest = 0;
             return Some(best);
         }
@@ -369,10 +369,10 @@ impl<T: Scalar> SpeedHypotheses<T> {
 
     /// A vehicle that is slow in one look is slow for about so many `looks`: what speaks against it is one look in so many (B11i).
     fn temper(&mut self, looks: T) {
-        let [hand, faster @ .., wandering] = &mut self.hypotheses;
+        let [hand, faster @ .., drifting] = &mut self.hypotheses;
         let mut slow = hand.likelihood;
-        if wandering.weight > T::zero() {
-            slow = slow.max(wandering.likelihood);
+        if drifting.weight > T::zero() {
+            slow = slow.max(drifting.likelihood);
         }
         for h in faster {
             if h.likelihood < slow {
@@ -430,9 +430,9 @@ impl<T: Scalar> Hypothesis<T> {
     }
 
     /// The bias may have changed meanwhile (B11j).
-    fn wander(&mut self, config: &BoundedVelocityConfig<T>, time: T) {
+    fn drift(&mut self, config: &BoundedVelocityConfig<T>, time: T) {
         let variance = config.initial_gyroscope_bias_std * config.initial_gyroscope_bias_std;
-        let walk = variance * time / config.wandering_bias_time_s;
+        let walk = variance * time / config.drifting_bias_time_s;
         let most = variance * lit(BIAS_FACTOR * BIAS_FACTOR);
         for i in BIAS..STATES {
             let own = self.p[(i, i)];

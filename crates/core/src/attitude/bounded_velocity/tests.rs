@@ -232,14 +232,14 @@ fn after_a_step(config: BoundedVelocityConfig<f64>, step: &Vector3<f64>) -> (f64
 }
 
 /// GIVEN a hand WHEN the bias steps by a degree a second THEN the tilt is right again within a minute; it never was without the
-/// hypothesis of a bias that wanders.
+/// hypothesis of a bias that drifts.
 #[test]
 fn a_step_of_the_bias_is_no_vehicle() {
     let config = BoundedVelocityConfig::<f64>::lab();
     let step = Vector3::new(0.012, -0.01, 0.008);
     let (tilt, std) = after_a_step(config, &step);
     let never = BoundedVelocityConfig {
-        wandering_bias_weight: 0.0,
+        drifting_bias_weight: 0.0,
         ..config
     };
     let (lost, stated) = after_a_step(never, &step);

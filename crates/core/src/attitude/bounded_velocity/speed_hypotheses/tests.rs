@@ -43,10 +43,10 @@ fn carried(
     likeliest
 }
 
-/// The speeds alone: a car that begins to accelerate is a bias that wanders for the first looks.
+/// The speeds alone: a car that begins to accelerate is a bias that drifts for the first looks.
 fn speeds_alone() -> BoundedVelocityConfig<f64> {
     BoundedVelocityConfig {
-        wandering_bias_weight: 0.0,
+        drifting_bias_weight: 0.0,
         ..BoundedVelocityConfig::lab()
     }
 }
@@ -94,9 +94,9 @@ fn looks_at_a_vehicle_that_is_slow_are_few() {
         [-2.0, -2.4, -4.0, -7.0]
     );
     assert_eq!(tempered([-9.0, -3.0, -4.0, -9.5]), [-9.0, -3.0, -4.0, -9.5]);
-    // A bias that wanders is slow, too, where there is such a hypothesis.
+    // A bias that drifts is slow, too, where there is such a hypothesis.
     assert_eq!(tempered([-9.0, -4.0, -3.0, -2.0]), [-9.0, -4.0, -3.0, -2.0]);
-    h.hypotheses[WANDERING].weight = 0.01;
+    h.hypotheses[DRIFTING].weight = 0.01;
     h.temper(5.0);
     assert_eq!(h.hypotheses.map(|h| h.likelihood), [-9.0, -2.4, -2.2, -2.0]);
 }
