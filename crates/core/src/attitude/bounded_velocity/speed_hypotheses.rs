@@ -278,7 +278,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
         self.is_looking() || self.interval.time >= lit(LOOK_S)
     }
 
-    /// The next hypothesis looks at the velocity (B11d to B11g). Gives the likeliest, as it is now, when all have and it is a
+    /// The next hypothesis looks at the velocity (B11d to B11j). Gives the likeliest, as it is now, when all have and it is a
     /// faster one than before, or the bias has stepped: the filter was wrong until now. Where a number is not finite, they begin again.
     pub(super) fn look(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Hypothesis<T>> {
         if !self.is_looking() {
