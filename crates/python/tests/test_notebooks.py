@@ -12,6 +12,9 @@ from nbclient import NotebookClient
 
 from conftest import REPOSITORY
 
+# Side by side with others, but one after the other: the site shows the notebooks.
+pytestmark = pytest.mark.xdist_group("notebooks")
+
 SOURCES = sorted((REPOSITORY / "docs/notebooks").glob("*.py"))
 
 

@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from conftest import REPOSITORY
+
+# Side by side with others, but one after the other: the site shows the notebooks.
+pytestmark = pytest.mark.xdist_group("notebooks")
 
 BUILD = REPOSITORY / "docs/site/build.py"
 
