@@ -2,9 +2,11 @@
 //!
 //! The gyroscope is kept as the angle turned in cells of 10 ms, so that its mean rate over any interval is a difference of
 //! two sums. The reference is differentiated over windows of 50 ms or its own interval, whichever is longer: over less, its
-//! noise would be all there is. Memory is bounded by the length that is looked at.
+//! noise would be all there is. What its samples show to be no measurement, or clipped, is a pause: a fault of the gyroscope
+//! says nothing of the reference. Memory is bounded by the length that is looked at.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use northing_core::faults::sample_check::{Checked, SampleCheck};
 use northing_core::geometry::so3;
 
 use crate::attitude::Instant;
@@ -20,15 +22,24 @@ const LONGEST_S: f64 = 0.3;
 const LONGEST_FILL_S: f64 = 600.0;
 
 /// Gathers rates over the first part of a recording.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Rates {
     longest_s: f64,
     first_ns: Option<i64>,
-    last_rate: Option<(f64, Vector3<f64>)>,
+    check: SampleCheck<f64>,
+    last_rate: Option<LastRate>,
     /// Angle turned in each cell, rad; NaN in a pause.
     cells: Vec<[f32; 3]>,
     last_reference: Option<(f64, UnitQuaternion<f64>)>,
     windows: Vec<Window>,
+}
+
+/// The last sample of the gyroscope.
+#[derive(Debug, Clone, Copy)]
+struct LastRate {
+    time_s: f64,
+    rate: Vector3<f64>,
+    is_measured: bool,
 }
 
 /// Mean rate of the reference between two of its samples, its own body axes, rad/s.
@@ -45,12 +56,24 @@ impl Window {
     }
 }
 
+impl Default for Rates {
+    /// Looks at nothing.
+    fn default() -> Self {
+        Self::new(0.0)
+    }
+}
+
 impl Rates {
     /// Looks at the first so many seconds.
     pub(crate) fn new(longest_s: f64) -> Self {
         Self {
             longest_s,
-            ..Self::default()
+            first_ns: None,
+            check: SampleCheck::of_gyroscope(),
+            last_rate: None,
+            cells: Vec::new(),
+            last_reference: None,
+            windows: Vec::new(),
         }
     }
 
@@ -63,33 +86,41 @@ impl Rates {
         }
         let finite = |rate: &Vector3<f64>| rate.norm_squared().is_finite();
         if let Some(rate) = instant.angular_rate.filter(finite) {
-            self.add_rate(now_s, rate);
+            self.add_rate(instant.time_ns, now_s, rate);
         }
         if let Some(reference) = instant.reference {
             self.add_reference(now_s, reference.attitude);
         }
     }
 
-    fn add_rate(&mut self, now_s: f64, rate: Vector3<f64>) {
-        let Some((last_s, last)) = self.last_rate.replace((now_s, rate)) else {
-            return;
-        };
-        let interval = now_s - last_s;
-        if interval <= 0.0 {
+    fn add_rate(&mut self, time_ns: i64, now_s: f64, rate: Vector3<f64>) {
+        if self.last_rate.is_some_and(|last| now_s <= last.time_s) {
             return;
         }
+        let checked = self.check.check(time_ns, &rate);
+        let is_clipped = matches!(checked, Checked::Saturated { .. });
+        let now = LastRate {
+            time_s: now_s,
+            rate,
+            is_measured: checked.is_measured() && !is_clipped,
+        };
+        let Some(last) = self.last_rate.replace(now) else {
+            return;
+        };
+        let last_s = last.time_s;
+        let interval = now_s - last_s;
         let needed = (now_s / CELL_S) as usize + 1;
         if interval > LONGEST_FILL_S || needed > (self.longest_s / CELL_S) as usize + 2 {
             return;
         }
         self.cells.resize(needed, [0.0; 3]);
-        let pause = interval > LONGEST_S;
+        let pause = interval > LONGEST_S || !(last.is_measured && now.is_measured);
         // The rate is linear between samples: of each cell the part that the interval covers.
         let mut from = last_s;
         for index in (last_s / CELL_S) as usize..needed {
             let to = now_s.min((index as f64 + 1.0) * CELL_S);
             let share = (0.5 * (from + to) - last_s) / interval;
-            let turned = last.lerp(&rate, share) * (to - from).max(0.0);
+            let turned = last.rate.lerp(&now.rate, share) * (to - from).max(0.0);
             for (cell, turned) in self.cells[index].iter_mut().zip(turned.iter()) {
                 *cell += if pause { f32::NAN } else { *turned as f32 };
             }
@@ -232,6 +263,25 @@ mod tests {
             assert!((window.rate - Vector3::z() * 2.0).amax() < 1e-9);
             assert!((window.to_s - window.from_s - 0.05).abs() < 1e-6);
         }
+    }
+
+    /// A spin beyond the range: what the gyroscope shows is not how it turned.
+    #[test]
+    fn a_gyroscope_at_the_end_of_its_range_has_no_rate() {
+        let mut rates = Rates::new(60.0);
+        for k in 0..900_i64 {
+            let t = k as f64 * 0.01;
+            let spin = if (400..700).contains(&k) { 60.0 } else { 0.0 };
+            let rate = Vector3::new(
+                1.3 * (3.1 * t).sin(),
+                (2.3 * t).cos(),
+                spin + (1.7 * t).sin(),
+            );
+            rates.add(&instant(k, rate.map(|x| x.clamp(-35.0, 35.0)), None));
+        }
+        let series = rates.series();
+        assert!(series.gyroscope(3.0, 3.9).is_some() && series.gyroscope(7.1, 8.9).is_some());
+        assert_eq!(series.gyroscope(5.0, 5.1), None);
     }
 
     #[test]
