@@ -15,7 +15,7 @@ pub enum Step<T: Scalar> {
     Propagation(Sums<T>),
     /// The velocity starts again, after a pause of the accelerometer.
     VelocityForgotten,
-    /// The attitude becomes less certain, as over a gap.
+    /// The attitude becomes less certain, as over a gap, or the bias, as where a rest contradicts it.
     Widening,
 }
 

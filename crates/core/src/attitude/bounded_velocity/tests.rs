@@ -269,6 +269,48 @@ fn a_step_of_the_bias_at_a_rest_is_followed_at_once() {
     assert!((after(3.0, upright) - after(0.0, upright)).abs() < 1e-9);
 }
 
+/// Sees what the smoother is told of the covariance, and what it is not.
+#[derive(Default)]
+struct Watcher {
+    last: Option<layout::Covariance<f64>>,
+    untold: usize,
+    widenings: usize,
+}
+
+impl StepObserver<f64> for Watcher {
+    fn observe(&mut self, moment: Moment<'_, f64>, state: &BoundedVelocityState<f64>) {
+        if let Moment::Leaving(step) = moment {
+            let told = self.last.as_ref() == Some(&state.covariance);
+            self.untold += usize::from(!told);
+            self.widenings += usize::from(matches!(step, Step::Widening));
+        }
+        self.last = Some(state.covariance);
+    }
+}
+
+/// GIVEN a hand that moves, rests while its bias steps, and moves on WHEN somebody records the steps for a smoother THEN they are told
+/// of every change of the covariance.
+#[test]
+fn no_change_of_the_covariance_is_untold() {
+    let config = BoundedVelocityConfig::<f64>::lab();
+    let mut f = BoundedVelocity::observed(config, Watcher::default()).unwrap();
+    f.initialize(&initial(TangentFrame::Enu, UnitQuaternion::identity()));
+    for k in 0..9000 {
+        let t = f64::from(k) * 0.01;
+        let bias = if k < 6000 { 0.0 } else { 0.014 };
+        let moves = if (500..8000).contains(&k) { 0.0 } else { 1.0 };
+        f.propagate(
+            &Vector3::new(bias + moves * (7.0 * t).sin(), 0.0, 0.0),
+            0.01,
+        );
+        let push = moves * 2.0 * (9.0 * t).cos();
+        f.update_accelerometer(&Vector3::new(push, 0.0, 9.81));
+        f.update_magnetometer(&Vector3::new(0.0, FIELD[0], -FIELD[1]));
+    }
+    assert!(f.observer().widenings > 0);
+    assert_eq!(f.observer().untold, 0);
+}
+
 #[test]
 fn north_east_down_is_the_same_filter() {
     let mut enu = filter(full::<f64>());

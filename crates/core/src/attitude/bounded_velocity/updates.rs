@@ -91,18 +91,18 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     fn update_velocity(&mut self) -> Innovation<T> {
         self.propagate_covariance();
         self.look_at_the_speed();
+        let slow = (self.state.rest.is_resting())
+            .then(|| (self.state.rest).slow_motion_psd(&self.config, self.state.gravity));
+        let density = self.config.rest_rate_noise_density;
+        let white = (density * density).max(self.state.gyroscope_noise_psd);
+        // A vehicle that does not accelerate may move.
+        let stands = slow.filter(|_| !self.state.speed_hypotheses.is_vehicle());
+        if let Some((turn_psd, _)) = stands {
+            self.doubt_at_rest(white + turn_psd);
+        }
         let config = &self.config;
         let state = &mut self.state;
         let time = state.since_velocity_update;
-        let resting = state.rest.is_resting();
-        let slow = resting.then(|| state.rest.slow_motion_psd(config, state.gravity));
-        let density = config.rest_rate_noise_density;
-        let white = (density * density).max(state.gyroscope_noise_psd);
-        // A vehicle that does not accelerate may move.
-        let stands = slow.filter(|_| !state.speed_hypotheses.is_vehicle());
-        if let Some((turn_psd, _)) = stands {
-            Self::doubt_at_rest(config, state, white + turn_psd);
-        }
         let psd = Self::velocity_psd(config, state, stands.map(|(_, motion)| motion));
         let variance = psd / time;
         let residual = -state.velocity;
@@ -130,12 +130,9 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
 
     /// Doubts the bias where a rest shows a rate that it does not explain, about an axis that is not upright: a turn about that would
     /// show in the specific force (B14d).
-    fn doubt_at_rest(
-        config: &BoundedVelocityConfig<T>,
-        state: &mut BoundedVelocityState<T>,
-        noise_psd: T,
-    ) {
-        let Some((rate, [time, unseen])) = state.rest.mean_rate(config) else {
+    fn doubt_at_rest(&mut self, noise_psd: T) {
+        let state = &self.state;
+        let Some((rate, [time, unseen])) = state.rest.mean_rate(&self.config) else {
             return;
         };
         let off = rate - state.gyroscope_bias;
@@ -145,9 +142,11 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         // The variance along it, times its square.
         let size2 = tilting.norm_squared();
         let expected = tilting.dot(&(p * tilting)) + size2 * noise_psd / time;
-        let doubt = config.rest_bias_doubt;
+        let doubt = self.config.rest_bias_doubt;
         if doubt > T::zero() && size2 * size2 > expected * doubt * doubt {
-            state.doubt_bias(&off, unseen);
+            self.tell(Moment::Leaving(&Step::Widening));
+            self.state.doubt_bias(&off, unseen);
+            self.tell(Moment::Predicted);
         }
     }
 
