@@ -286,7 +286,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if self.heed(time_ns, angular_rate, &checked) {
             match self.memory.last_rate {
                 Some((last_ns, last)) => {
-                    self.finish_interval(last_ns, &last, time_ns, angular_rate);
+                    self.finish_interval((last_ns, &last), (time_ns, angular_rate), &checked);
                 }
                 None => self.advance_to(time_ns),
             }

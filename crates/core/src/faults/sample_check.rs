@@ -43,6 +43,14 @@ const CLIPPED_CHANCE2: f64 = 1e-15;
 /// Longer than so many usual intervals is a hole: nothing is compared across it.
 const HOLE: f64 = 3.0;
 
+/// A jump of a gyroscope is not doubted below this turn (rad), one of an accelerometer below so much velocity (m/s): taps
+/// and steps are no faults, and a sample that cannot be noticed is not worth one of delay.
+const LEAST_TURN_RAD: f64 = 0.004_375;
+const LEAST_PUSH: f64 = 0.05;
+/// White noise of a gyroscope is vibration or wear below this, rad/sqrt(s), and of an accelerometer, m/s/sqrt(s).
+const LEAST_TURN_WALK: f64 = 0.1;
+const LEAST_PUSH_WALK: f64 = 1.0;
+
 /// What a check says of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Checked<T: Scalar> {
@@ -155,6 +163,16 @@ impl<T: Scalar> Default for SampleCheck<T> {
 }
 
 impl<T: Scalar> SampleCheck<T> {
+    /// One for a gyroscope's samples, rad/s.
+    pub fn of_gyroscope() -> Self {
+        Self::new(lit(LEAST_TURN_RAD), lit(LEAST_TURN_WALK))
+    }
+
+    /// One for an accelerometer's samples, m/s^2.
+    pub fn of_accelerometer() -> Self {
+        Self::new(lit(LEAST_PUSH), lit(LEAST_PUSH_WALK))
+    }
+
     /// One that doubts jumps which add more than `least` to the integral of the samples in one interval (unit times s), and
     /// noise which makes it walk by more than `least_walk` (unit times sqrt(s)).
     pub fn new(least: T, least_walk: T) -> Self {

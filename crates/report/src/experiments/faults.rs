@@ -292,8 +292,8 @@ mod tests {
     #[test]
     fn the_page_has_a_table_a_colour_and_a_picture() {
         let campaign = Campaign {
-            subjects: vec![Subject::Attitude(EstimatorKind::Integration)],
-            faults: vec![InjectedFault::named("gyroscope-clipped-spin-3s").unwrap()],
+            subjects: vec![Subject::Attitude(EstimatorKind::Mekf3)],
+            faults: vec![InjectedFault::named("gyroscope-bias-0.05").unwrap()],
             ..Campaign::of_worlds(1, 1)
         };
         let outcome = campaign.run(&|| ());
@@ -307,7 +307,7 @@ mod tests {
         let page = render(&outcome, &drawn, Some("northing experiment faults"));
         for part in [
             "num toned bad",
-            "gyroscope-clipped-spin-3s of integration",
+            "gyroscope-bias-0.05 of mekf3",
             "does an estimator recover?",
             "misses the limits",
             "northing experiment faults",

@@ -20,13 +20,6 @@ const HELD_INTERVALS: f64 = 3.0;
 const HOLE_INTERVALS: f64 = 1.5;
 /// A turn that was not seen, or not used, is worth an event from here on (rad): a degree.
 const NOTABLE_RAD: f64 = 0.0175;
-/// A jump of the gyroscope is not doubted below this share of it, one of the accelerometer below so much velocity (m/s): taps
-/// and steps are no faults, and a sample that cannot be noticed is not worth one of delay.
-const LEAST_SHARE: f64 = 0.25;
-const LEAST_PUSH: f64 = 0.05;
-/// White noise of a gyroscope is vibration or wear below this, rad/sqrt(s), and of an accelerometer, m/s/sqrt(s).
-const LEAST_WALK: f64 = 0.1;
-const LEAST_PUSH_WALK: f64 = 1.0;
 /// Longer samples are no measurements (m/s^2, microtesla).
 const LONGEST_SAMPLE: f64 = 1e6;
 /// An attitude that may have turned by more without being seen (rad) is aligned again: too far for a linear update.
@@ -55,15 +48,23 @@ pub(super) struct Checks<T: Scalar> {
     /// Turn (rad) since the last rate, and the variance that was added for what was not seen (rad^2).
     pub(super) turned: Vector3<T>,
     hole_variance: T,
-    /// Since when the gyroscope is at the end of its range.
-    saturated_since_ns: Option<i64>,
+    /// The gyroscope is at the end of its range.
+    saturation: Option<Saturation<T>>,
+}
+
+/// Time at the end of the range, and the variance that was added for what was not seen (rad^2).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Saturation<T: Scalar> {
+    since_ns: i64,
+    variance: T,
 }
 
 impl<T: Scalar> Checks<T> {
     pub(super) fn new(angle_random_walk: T) -> Self {
         Self {
-            gyroscope: SampleCheck::new(lit(NOTABLE_RAD * LEAST_SHARE), lit(LEAST_WALK)),
-            accelerometer: SampleCheck::new(lit(LEAST_PUSH), lit(LEAST_PUSH_WALK)),
+            gyroscope: SampleCheck::of_gyroscope(),
+            accelerometer: SampleCheck::of_accelerometer(),
             magnetometer: SampleCheck::default(),
             noise: RateNoise::default(),
             motion: UnseenRotation::new(angle_random_walk),
@@ -71,7 +72,7 @@ impl<T: Scalar> Checks<T> {
             log: FaultLog::default(),
             turned: Vector3::zeros(),
             hole_variance: T::zero(),
-            saturated_since_ns: None,
+            saturation: None,
         }
     }
 
@@ -79,7 +80,15 @@ impl<T: Scalar> Checks<T> {
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
         let checks = [&self.gyroscope, &self.accelerometer, &self.magnetometer];
         let checks = checks.into_iter().flat_map(SampleCheck::numbers);
-        let own = self.turned.iter().chain([&self.hole_variance]);
+        let saturation = self
+            .saturation
+            .iter()
+            .map(|saturation| &saturation.variance);
+        let own = self
+            .turned
+            .iter()
+            .chain([&self.hole_variance])
+            .chain(saturation);
         let motion = self.motion.numbers().chain(self.bias.numbers());
         let motion = motion.chain(self.noise.numbers());
         checks.chain(motion).chain(self.log.numbers()).chain(own)
@@ -235,23 +244,27 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     }
 
     /// Completes the interval between two gyroscope samples so that its turn was that of their mean, or, over a hole, of a
-    /// rate that lies between them (F5).
+    /// rate that lies between them (F5). Samples that had waited are no hole where they were good.
     pub(super) fn finish_interval(
         &mut self,
-        last_ns: i64,
-        last: &Vector3<T>,
-        time_ns: i64,
-        rate: &Vector3<T>,
+        (last_ns, last): (i64, &Vector3<T>),
+        (time_ns, rate): (i64, &Vector3<T>),
+        checked: &Checked<T>,
     ) {
         let whole: T = seconds(last_ns, time_ns);
         let usual = self.memory.checks.gyroscope.interval_s();
-        let is_hole = usual.is_some_and(|usual| whole > usual * lit(HOLE_INTERVALS))
+        let is_long = usual.is_some_and(|usual| whole > usual * lit(HOLE_INTERVALS))
             || whole > self.config.gap_limit_s;
+        let is_hole = is_long && !matches!(checked, Checked::Step(_));
         let due = if is_hole {
             self.turn_over_hole((last_ns, last), (time_ns, rate), whole)
         } else {
             self.memory.checks.motion.learn(last, rate, whole);
-            self.learn_noise(rate);
+            if is_long {
+                self.memory.checks.noise.interrupt();
+            } else {
+                self.learn_noise(rate);
+            }
             (rate + last) * (whole * lit(0.5))
         };
         let checks = &mut self.memory.checks;
@@ -450,7 +463,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             let off = so3::log(&(now.inverse() * initial.attitude));
             let both = covariance + initial.attitude_covariance;
             let distance2 = both.cholesky().map(|c| off.dot(&c.solve(&off)));
-            let agrees = distance2.is_some_and(|d2| d2 < lit(CONTRADICTS2));
+            // So far apart a linear update did not find the way, whatever its covariance says.
+            let is_near = off.norm_squared() < lit(0.25 * LOST_RAD * LOST_RAD);
+            let agrees = is_near && distance2.is_some_and(|d2| d2 < lit(CONTRADICTS2));
             if agrees && covariance.trace() < initial.attitude_covariance.trace() {
                 return;
             }
@@ -511,23 +526,36 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
                 return false;
             }
             Checked::Saturated { full_scale } => {
-                self.saturated(time_ns, full_scale);
+                let last = self.memory.last_rate;
+                let from_ns = last.map_or(time_ns, |(last_ns, _)| last_ns);
+                self.saturated(time_ns, from_ns, full_scale);
                 return true;
             }
         }
-        self.memory.checks.saturated_since_ns = None;
+        self.leave_saturation(time_ns);
         true
     }
 
+    /// Back from the end of the range: where it may have turned too far for a linear update it is aligned again.
+    fn leave_saturation(&mut self, time_ns: i64) {
+        let checks = &mut self.memory.checks;
+        let Some(saturation) = checks.saturation.take() else {
+            return;
+        };
+        if saturation.variance > lit(LOST_RAD * LOST_RAD) {
+            self.realign(time_ns, seconds(saturation.since_ns, time_ns));
+        }
+    }
+
     /// At the end of the range: what lies beyond is unknown, and as large as the range may be (F6).
-    fn saturated(&mut self, time_ns: i64, full_scale: T) {
+    fn saturated(&mut self, time_ns: i64, from_ns: i64, full_scale: T) {
         let checks = &mut self.memory.checks;
         checks.bias.interrupt();
-        let last_ns = self
-            .memory
-            .last_rate
-            .map_or(time_ns, |(last_ns, _)| last_ns);
-        let since_ns = *checks.saturated_since_ns.get_or_insert(last_ns);
+        let saturation = checks.saturation.get_or_insert(Saturation {
+            since_ns: from_ns,
+            variance: T::zero(),
+        });
+        let since_ns = saturation.since_ns;
         checks.log.lasts(Fault {
             sensor: FaultySensor::Gyroscope,
             kind: FaultKind::Saturated,
@@ -537,11 +565,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             size: full_scale,
         });
         let end = Vector3::repeat(full_scale);
-        let motion = checks.motion;
-        let [before, after] = [last_ns, time_ns].map(|t| {
-            let clipped = seconds(since_ns, t);
-            motion.between(&end, &end, clipped).variance
-        });
-        self.widen(after - before);
+        let unseen = (checks.motion).between(&end, &end, seconds(since_ns, time_ns));
+        let more = unseen.variance - saturation.variance;
+        saturation.variance = unseen.variance;
+        self.widen(more);
     }
 }

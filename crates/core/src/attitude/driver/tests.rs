@@ -273,6 +273,23 @@ fn a_frozen_or_silent_gyroscope_is_survived_and_told() {
     }
 }
 
+/// A spin beyond the range: where it ends nobody knows, and no linear update finds out. It is aligned again.
+#[test]
+fn a_spin_beyond_the_range_is_survived_and_told() {
+    let (told, mut driver) = in_motion(60, |t, samples| {
+        if (20_000..23_000).contains(&t) {
+            samples[0].z = 34.9;
+        }
+    });
+    as_good_as_clean(&told, 33);
+    let (found, over) = (driver.take_fault().unwrap(), driver.take_fault().unwrap());
+    assert_eq!((found.kind, found.size), (FaultKind::Saturated, 34.9));
+    assert!(found.from_ns < 20_200 * MS && found.until_ns < 20_200 * MS);
+    // The first sample behind it waits for the next one.
+    assert!(over.is_over && over.until_ns == 23_010 * MS);
+    assert_eq!(driver.take_fault(), None);
+}
+
 #[test]
 fn twenty_seconds_of_garbage_on_all_sensors_are_survived() {
     use rand::{RngExt, SeedableRng};
