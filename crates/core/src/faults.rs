@@ -10,6 +10,7 @@
 //! | question | file |
 //! |---|---|
 //! | is this sample a spike, a stuck value, noise, clipped? | [`sample_check`] |
+//! | is this rate clipped below the largest that was seen? | [`clipping`] |
 //! | how far did it turn while nobody looked? | [`unseen_rotation`] |
 //! | can this stamp be? | [`leaping_stamp`] |
 //! | did the bias of the gyroscope step? | [`bias_step`] |
@@ -17,6 +18,7 @@
 //! | when were samples taken that came in bunches? | [`sampling_clock`] |
 
 pub mod bias_step;
+pub mod clipping;
 pub mod leaping_stamp;
 pub mod rate_noise;
 pub mod sample_check;

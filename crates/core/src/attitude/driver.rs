@@ -35,7 +35,6 @@ use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::faults::FaultySensor;
 use crate::faults::leaping_stamp::{LeapingStamp, Stamp};
-use crate::faults::sample_check::Checked;
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{symmetrize, undrown};
 use crate::kalman::{Innovation, SkipReason};
@@ -291,7 +290,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
                 None => self.advance_to(time_ns),
             }
             self.memory.last_rate = Some((time_ns, *angular_rate));
-            if !matches!(checked, Checked::Saturated { .. }) {
+            if !self.memory.checks.is_saturated() {
                 self.memory
                     .checks
                     .log

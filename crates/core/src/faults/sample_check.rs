@@ -35,7 +35,7 @@ const SMALL_STEPS: f64 = 2.1;
 const STUCK_CHANCE2: f64 = 1e-18;
 const STUCK_RUN: u16 = 3;
 /// So many repetitions of the largest component beside others that move are seldom chance.
-const HELD_RUN: u16 = 10;
+pub(super) const HELD_RUN: u16 = 10;
 /// No single repetition says more than this (square of a chance): the model is not that good.
 const LEAST_CHANCE2: f64 = 1e-4;
 /// Square of the chance below which a component that repeats at the largest value ever seen is clipped.
@@ -95,6 +95,15 @@ impl<T: Scalar> Checked<T> {
             Self::Suspect | Self::Stuck { .. } | Self::Noise { .. }
         )
     }
+}
+
+/// A component that repeats itself while others change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Held<T: Scalar> {
+    /// So many times.
+    pub run: u16,
+    /// Mean square of its last changes before that.
+    pub change2: T,
 }
 
 /// Checks the samples of one three-axis sensor.
@@ -210,19 +219,35 @@ impl<T: Scalar> SampleCheck<T> {
         (self.samples >= FEWEST).then_some(self.interval)
     }
 
+    /// The largest component of the last sample where it repeats itself while others change.
+    #[inline]
+    pub fn held(&self) -> Option<Held<T>> {
+        let (_, last) = self.last.as_ref()?;
+        let runs = &self.repeats.component_runs;
+        if runs.iter().all(|run| *run == 0) {
+            return None;
+        }
+        let largest = last.amax();
+        let components = last.iter().zip(runs).zip(&self.recent_change2);
+        let held = components
+            .filter(|((component, run), _)| **run > 0 && component.abs() >= largest)
+            .map(|((_, run), change2)| Held {
+                run: *run,
+                change2: *change2,
+            });
+        held.max_by_key(|held| held.run)
+    }
+
     /// Whether the largest component has stood still for some samples while others moved: it may be clipped, at whatever level.
     #[inline]
     pub fn may_be_clipped(&self) -> bool {
-        let runs = &self.repeats.component_runs;
-        let Some((_, last)) = &self.last else {
-            return false;
-        };
-        if runs.iter().all(|run| *run < HELD_RUN) {
-            return false;
-        }
-        let largest = last.amax();
-        let mut held = last.iter().zip(runs);
-        held.any(|(component, run)| *run >= HELD_RUN && component.abs() >= largest)
+        self.held().is_some_and(|held| held.run >= HELD_RUN)
+    }
+
+    /// The smallest change that was seen, zero before any was.
+    #[inline]
+    pub fn resolution(&self) -> T {
+        self.resolution
     }
 
     /// Stamp of the last sample.

@@ -6,6 +6,7 @@ use super::{Aligning, AttitudeDriver, AttitudeEstimator};
 use crate::attitude::InitialState;
 use crate::attitude::alignment::{Alignment, Prior, level_covariance};
 use crate::faults::bias_step::{BiasStep, BiasWatch};
+use crate::faults::clipping::{Clipped, Clipping};
 use crate::faults::rate_noise::RateNoise;
 use crate::faults::sample_check::{Checked, SampleCheck};
 use crate::faults::unseen_rotation::UnseenRotation;
@@ -41,6 +42,8 @@ pub(super) struct Checks<T: Scalar> {
     pub(super) gyroscope: SampleCheck<T>,
     pub(super) accelerometer: SampleCheck<T>,
     pub(super) magnetometer: SampleCheck<T>,
+    /// Of the gyroscope.
+    clipping: Clipping<T>,
     pub(super) noise: RateNoise<T>,
     pub(super) motion: UnseenRotation<T>,
     pub(super) bias: BiasWatch<T>,
@@ -66,6 +69,7 @@ impl<T: Scalar> Checks<T> {
             gyroscope: SampleCheck::of_gyroscope(),
             accelerometer: SampleCheck::of_accelerometer(),
             magnetometer: SampleCheck::default(),
+            clipping: Clipping::default(),
             noise: RateNoise::default(),
             motion: UnseenRotation::new(angle_random_walk),
             bias: BiasWatch::default(),
@@ -88,10 +92,16 @@ impl<T: Scalar> Checks<T> {
             .turned
             .iter()
             .chain([&self.hole_variance])
-            .chain(saturation);
+            .chain(saturation)
+            .chain(self.clipping.numbers());
         let motion = self.motion.numbers().chain(self.bias.numbers());
         let motion = motion.chain(self.noise.numbers());
         checks.chain(motion).chain(self.log.numbers()).chain(own)
+    }
+
+    /// Whether the gyroscope is at the end of its range.
+    pub(super) const fn is_saturated(&self) -> bool {
+        self.saturation.is_some()
     }
 
     /// Whether a sample of a vector sensor may be used; `NotNewer` is found before.
@@ -484,7 +494,14 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let sensor = FaultySensor::Gyroscope;
         let interval = self.memory.checks.gyroscope.interval_s();
         match *checked {
-            Checked::Good => {}
+            Checked::Good => {
+                let checks = &mut self.memory.checks;
+                let clipped = checks.clipping.look(&checks.gyroscope, time_ns, sample);
+                if let Some(Clipped { level, from_ns }) = clipped {
+                    self.saturated(time_ns, from_ns, level);
+                    return true;
+                }
+            }
             Checked::Suspect => return false,
             Checked::Step(integral) => {
                 if let Some((last_ns, last)) = self.memory.last_rate {

@@ -290,6 +290,28 @@ fn a_spin_beyond_the_range_is_survived_and_told() {
     assert_eq!(driver.take_fault(), None);
 }
 
+/// A limit that begins in the midst of a motion, below what was seen before.
+#[test]
+fn a_limit_below_the_largest_rate_is_survived_and_told() {
+    let clipped = |t: i64| (20_000..23_000).contains(&t);
+    let limit = 0.5;
+    let (told, mut driver) = in_motion(60, |t, samples| {
+        if clipped(t) {
+            samples[0] = samples[0].map(|x| x.clamp(-limit, limit));
+        }
+    });
+    as_good_as_clean(&told, 33);
+    let found = driver.take_fault().unwrap();
+    assert_eq!((found.kind, found.size), (FaultKind::Saturated, limit));
+    assert!(clipped(found.from_ns / MS + 10) && clipped(found.until_ns / MS));
+    let mut last = found;
+    while let Some(fault) = driver.take_fault() {
+        assert_eq!(fault.kind, FaultKind::Saturated);
+        last = fault;
+    }
+    assert!(last.is_over && driver.fault_now(FaultySensor::Gyroscope).is_none());
+}
+
 #[test]
 fn twenty_seconds_of_garbage_on_all_sensors_are_survived() {
     use rand::{RngExt, SeedableRng};

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::faults::clipping::Clipping;
 use crate::faults::sample_check::{Checked, SampleCheck};
 use crate::faults::unseen_rotation::UnseenRotation;
 use crate::faults::{Fault, FaultKind, FaultLog, FaultySensor};
@@ -46,6 +47,8 @@ impl<T: Scalar> Default for Sensor<T> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct SampleFaults<T: Scalar> {
     sensors: [Sensor<T>; 2],
+    /// Of the gyroscope.
+    clipping: Clipping<T>,
     motion: UnseenRotation<T>,
     pub(super) log: FaultLog<T>,
 }
@@ -60,6 +63,7 @@ impl<T: Scalar> SampleFaults<T> {
                     ..Sensor::default()
                 }
             }),
+            clipping: Clipping::default(),
             motion: UnseenRotation::new(angle_random_walk),
             log: FaultLog::default(),
         }
@@ -73,6 +77,7 @@ impl<T: Scalar> SampleFaults<T> {
             sensor.check.numbers().chain(good).chain(used)
         });
         sensors
+            .chain(self.clipping.numbers())
             .chain(self.motion.numbers())
             .chain(self.log.numbers())
     }
@@ -213,8 +218,17 @@ impl<T: Scalar> SampleFaults<T> {
             FaultySensor::Gyroscope => &mut self.sensors[0],
             _ => &mut self.sensors[1],
         };
-        let checked = memory.check.check(time_ns, sample);
+        let mut checked = memory.check.check(time_ns, sample);
         let (good_ns, good) = memory.good.unwrap_or((time_ns, *sample));
+        let mut clipped_from_ns = good_ns;
+        if matches!((sensor, checked), (FaultySensor::Gyroscope, Checked::Good))
+            && let Some(clipped) = self.clipping.look(&memory.check, time_ns, sample)
+        {
+            clipped_from_ns = clipped.from_ns;
+            checked = Checked::Saturated {
+                full_scale: clipped.level,
+            };
+        }
         let mut fault = Fault {
             sensor,
             kind: FaultKind::Spike,
@@ -258,7 +272,7 @@ impl<T: Scalar> SampleFaults<T> {
                 usable.faulty_since_ns = Some(from_ns);
             }
             Checked::Saturated { full_scale } => {
-                let since_ns = *memory.saturated_since_ns.get_or_insert(good_ns);
+                let since_ns = *memory.saturated_since_ns.get_or_insert(clipped_from_ns);
                 fault.kind = FaultKind::Saturated;
                 (fault.from_ns, fault.size) = (since_ns, full_scale);
                 self.log.lasts(fault);
