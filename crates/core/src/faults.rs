@@ -54,7 +54,7 @@ pub enum FaultKind {
     Stuck,
     /// White noise many times stronger than the changes before: not a measurement.
     Noise,
-    /// A component at the end of the sensor's range: what lies beyond was not seen.
+    /// A component at the end of the sensor's range, or at a limit below: what lies beyond was not seen.
     Saturated,
     /// No samples for longer than usual.
     Missing,
@@ -79,7 +79,7 @@ pub struct Fault<T> {
     /// Whether good samples have come since. A fault that lasts is told when it is found and when it is over, with the
     /// same `from_ns`.
     pub is_over: bool,
-    /// How large: the jump of a spike, the full scale of a saturation (unit of the sensor); how far a stamp was ahead (s), how far a bias
+    /// How large: the jump of a spike, the level of a saturation (unit of the sensor); how far a stamp was ahead (s), how far a bias
     /// stepped (unit of the sensor); the seconds without a measurement of the others.
     pub size: T,
 }

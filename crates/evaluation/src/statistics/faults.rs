@@ -39,7 +39,7 @@ pub fn sentence_now(fault: &Fault<f64>) -> String {
         FaultKind::Spike => "delivered a sample far from those around it, which was left out",
         FaultKind::Stuck => "repeats the same numbers, which are not used",
         FaultKind::Noise => "delivers nothing but noise, which is not used",
-        FaultKind::Saturated => "is at the end of its range: what lies beyond is not seen",
+        FaultKind::Saturated => "is clipped: what lies beyond is not seen",
         FaultKind::Missing => "paused: the turn between is estimated",
         FaultKind::Stamp => {
             "delivered a sample whose time stamp is far ahead of those around it, which was left out"
@@ -83,7 +83,7 @@ impl FaultRecord {
                 format!("nothing but noise from {from:.2} s {until}, not used as measurements")
             }
             FaultKind::Saturated => format!(
-                "at the end of its range ({size:.3} {unit}) from {from:.2} s {until}; what lies beyond was not seen"
+                "clipped ({size:.3} {unit}) from {from:.2} s {until}; what lies beyond was not seen"
             ),
             FaultKind::Stamp => {
                 format!("a time stamp {size:.1} s ahead after {from:.2} s, sample left out")

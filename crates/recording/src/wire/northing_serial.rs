@@ -223,7 +223,7 @@ impl NorthingSerial {
                 format!("nothing but noise from {from_s:.2} s{until}, not used as measurements")
             }
             "saturated" => format!(
-                "at the end of its range ({size:.3} {unit}) from {from_s:.2} s{until}; what lies beyond was not seen"
+                "clipped ({size:.3} {unit}) from {from_s:.2} s{until}; what lies beyond was not seen"
             ),
             "missing" => format!("no samples from {from_s:.2} s{until}"),
             "stamp" => format!("a stamp far ahead after {from_s:.2} s, left out"),

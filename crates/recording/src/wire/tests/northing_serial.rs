@@ -227,7 +227,7 @@ fn faults_that_the_board_has_found_are_remarks() {
         ),
         (
             "PNORF,18000,accelerometer,saturated,over,17500,392000",
-            "accelerometer: at the end of its range (39.200 m/s^2) from 17.50 s to 18.00 s; what lies beyond was not seen",
+            "accelerometer: clipped (39.200 m/s^2) from 17.50 s to 18.00 s; what lies beyond was not seen",
         ),
     ] {
         assert_eq!(told(body), fault(what));
