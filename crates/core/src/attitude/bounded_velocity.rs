@@ -66,6 +66,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
+use crate::faults::bias_step::{Learnt, Resumed};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, undrown};
@@ -236,12 +237,21 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         self.begin(state);
     }
 
-    fn restart_with_bias(&mut self, initial: &InitialState<T>) {
-        if initial.is_usable() {
-            self.propagate_covariance();
-            let (bias, std) = (&initial.gyroscope_bias, initial.gyroscope_bias_std);
-            self.state.set_bias(&self.config, bias, std);
-            self.restart(initial);
+    fn learnt(&self) -> Learnt<T> {
+        self.state.learnt()
+    }
+
+    fn resume(&mut self, initial: &InitialState<T>, resumed: &Resumed<T>) {
+        if !initial.is_usable() || self.state.gravity <= T::zero() {
+            self.initialize(initial);
+            return;
+        }
+        self.propagate_covariance();
+        let mut state = self.state;
+        state.resume(&self.config, initial, resumed);
+        match state.check() {
+            Ok(()) => self.begin(state),
+            Err(_) => self.restart(initial),
         }
     }
 

@@ -460,6 +460,8 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             return;
         }
         self.estimator.initialize(initial);
+        // What was known before has nothing to do with this start.
+        self.memory.checks.bias.interrupt();
         self.memory.start = Some(*initial);
         self.memory.started = true;
         self.memory.has_heading = initial.north_known;

@@ -31,6 +31,7 @@ use super::propagation::{checked_rate, is_possible_bias};
 use super::{
     AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, propagation,
 };
+use crate::faults::bias_step::Resumed;
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_attitude, undrown_attitude};
@@ -212,6 +213,18 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
             state.covariance[(i, i)] = bias_variance;
         }
         state.sensors.start(&initial.references);
+    }
+
+    fn resume(&mut self, initial: &InitialState<T>, resumed: &Resumed<T>) {
+        if !initial.is_usable() {
+            return;
+        }
+        self.initialize(initial);
+        let (p, cross) = (&mut self.state.covariance, resumed.cross_covariance());
+        p.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+        p.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
+        p.fixed_view_mut::<3, 3>(3, 3)
+            .copy_from(&resumed.bias_covariance);
     }
 
     #[inline]

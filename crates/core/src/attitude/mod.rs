@@ -42,6 +42,7 @@ mod test_world;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use crate::faults::bias_step::{Learnt, Resumed};
 use crate::geometry::rotation::is_unit;
 use crate::kalman::covariance::is_covariance;
 use crate::kalman::{Innovation, SkipReason};
@@ -158,9 +159,15 @@ pub trait AttitudeEstimator<T: Scalar> {
         self.initialize(initial);
     }
 
-    /// Starts again with another gyroscope bias, and keeps what else it has learnt of the sensors. A state that is not
+    /// What it has learnt of motion and sensors that a wrong gyroscope bias would spoil; [`Self::resume`] gives it back.
+    fn learnt(&self) -> Learnt<T> {
+        Learnt::nothing()
+    }
+
+    /// Goes on from before a step of the gyroscope's bias, with the new bias: `initial` is where it is now, `resumed` how the errors of
+    /// attitude and bias hang together and what it had learnt. It keeps what else it has learnt of the sensors. A state that is not
     /// [usable](InitialState::is_usable) changes nothing.
-    fn restart_with_bias(&mut self, initial: &InitialState<T>) {
+    fn resume(&mut self, initial: &InitialState<T>, _resumed: &Resumed<T>) {
         self.initialize(initial);
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Each check takes a filter made by `make`, so that the same demands hold for all of them.
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use num_dual::DualSVec64;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
@@ -12,6 +12,7 @@ use super::{
     AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, MagnetometerUse, Propagation,
     References,
 };
+use crate::faults::bias_step::Resumed;
 use crate::geometry::{frames::TangentFrame, rotation, so3};
 use crate::kalman::covariance::cholesky;
 use crate::kalman::{Outcome, SkipReason};
@@ -401,4 +402,55 @@ pub(super) fn check_single_precision<E: AttitudeEstimator<f32>>(
 /// A dual number that is a constant.
 pub(super) fn constant<const N: usize>(x: f64) -> DualSVec64<N> {
     DualSVec64::from(x)
+}
+
+/// GIVEN a filter that has turned for three seconds with an uncertain bias WHEN another begins where it is, and is told how attitude and
+/// bias hang together THEN both have the same covariance of attitude and bias.
+pub(super) fn resumes_as_if_it_had_turned<E: AttitudeEstimator<f64>>(
+    make: impl Fn() -> E,
+    covariance: impl Fn(&E) -> SMatrix<f64, 6, 6>,
+) {
+    let config = AttitudeConfig::<f64>::default();
+    let (bias_std, dt) = (0.02, 0.01);
+    let initial = InitialState {
+        attitude: UnitQuaternion::from_euler_angles(0.3, -0.4, 1.2),
+        gyroscope_bias_std: bias_std,
+        ..start(&config, UnitQuaternion::identity())
+    };
+    let mut turned = make();
+    turned.initialize(&initial);
+    let mut drift = Matrix3::zeros();
+    let rate = Vector3::new(0.6, -0.9, 0.7);
+    let back = so3::exp(&(rate * -dt)).to_rotation_matrix();
+    for _ in 0..300 {
+        turned.propagate(&rate, dt);
+        drift = back * (drift + Matrix3::identity() * dt);
+    }
+    let bias_covariance = Matrix3::identity() * (bias_std * bias_std);
+    let resumed = Resumed {
+        attitude: turned.attitude(),
+        attitude_covariance: turned.attitude_covariance().unwrap(),
+        bias_covariance,
+        drift,
+        learnt: turned.learnt(),
+    };
+    let mut other = make();
+    other.initialize(&initial);
+    let now = InitialState {
+        attitude: resumed.attitude,
+        attitude_covariance: resumed.attitude_covariance,
+        ..initial
+    };
+    other.resume(&now, &resumed);
+    turned.propagate(&rate, dt);
+    other.propagate(&rate, dt);
+    let (expected, got) = (covariance(&turned), covariance(&other));
+    let difference = (expected - got).norm();
+    assert!(difference < 0.02 * expected.norm(), "{expected}{got}");
+    let cross = |p: &SMatrix<f64, 6, 6>| p.fixed_view::<3, 3>(0, 3).into_owned();
+    let difference = (cross(&expected) - cross(&got)).norm();
+    assert!(
+        difference < 0.02 * cross(&expected).norm(),
+        "{expected}{got}"
+    );
 }

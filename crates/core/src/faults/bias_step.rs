@@ -11,7 +11,7 @@
 //!
 //! Model: constant bias over the window, a velocity without drift (a mean force is off by a change of velocity), a field that
 //! is constant but for a hard iron that turns with the device. Without a magnetometer a bias about the vertical is not seen.
-//! Cost: a few additions a sample, a rotation every 20 ms, some 10 000 operations twice a second. About 400 numbers of memory.
+//! Cost: a few additions a sample, a rotation every 20 ms, some 10 000 operations twice a second. About 650 numbers of memory.
 //!
 //! | symbol | here | unit |
 //! |---|---|---|
@@ -80,6 +80,57 @@ pub struct BiasStep<T: Scalar> {
     pub window_s: T,
     /// What the window says of the attitude.
     pub mean: WindowMean<T>,
+    /// The attitude as it was known before the step, carried on to now with the new bias.
+    pub resumed: Resumed<T>,
+}
+
+/// What an estimator knows at an instant, for whom finds out later that something happened then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known<T: Scalar> {
+    /// `ref_from_body`.
+    pub attitude: UnitQuaternion<T>,
+    /// Covariance (rad^2) of the local attitude error, body axes.
+    pub covariance: Matrix3<T>,
+    /// What else it would lose to a wrong bias.
+    pub learnt: Learnt<T>,
+}
+
+/// What an estimator has learnt of motion and sensors and unlearns while its bias is wrong: numbers whose meaning only it
+/// knows. Zeros, where it learns nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Learnt<T>(pub [T; LEARNT]);
+
+/// Most numbers that an estimator learns so.
+pub const LEARNT: usize = 11;
+
+impl<T: Scalar> Learnt<T> {
+    /// Nothing.
+    pub fn nothing() -> Self {
+        Self([T::zero(); LEARNT])
+    }
+}
+
+/// An attitude of before a step of the bias, carried on with the new bias (F16b), and how its error hangs on the error of the bias.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resumed<T: Scalar> {
+    /// `ref_from_body` now.
+    pub attitude: UnitQuaternion<T>,
+    /// Covariance (rad^2) of the local attitude error, body axes now, with what the error of the bias has added.
+    pub attitude_covariance: Matrix3<T>,
+    /// Covariance of the bias, (rad/s)^2, body axes.
+    pub bias_covariance: Matrix3<T>,
+    /// How far the attitude has turned for each unit of the bias, s, body axes now: its error is minus this times that of the bias.
+    pub drift: Matrix3<T>,
+    /// What the estimator had learnt before.
+    pub learnt: Learnt<T>,
+}
+
+impl<T: Scalar> Resumed<T> {
+    /// Cross-covariance of the errors of attitude and bias, rad^2/s, body axes (F16c).
+    pub fn cross_covariance(&self) -> Matrix3<T> {
+        -self.drift * self.bias_covariance
+    }
 }
 
 /// Means of a window, in a frame that does not turn: the carried one, freed of its drift.
@@ -93,6 +144,41 @@ pub struct WindowMean<T: Scalar> {
     pub field: Option<Vector3<T>>,
     /// Body axes: a hard iron shows in the field with them.
     pub axes: Matrix3<T>,
+}
+
+/// What was known where a block begins, in terms of the carried frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Before<T: Scalar> {
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    ref_from_carried: UnitQuaternion<T>,
+    /// Of the attitude, reference axes, rad^2: a third of the memory of its covariance.
+    variances: Vector3<T>,
+    learnt: Learnt<T>,
+}
+
+impl<T: Scalar> Before<T> {
+    fn nothing() -> Self {
+        Self {
+            ref_from_carried: UnitQuaternion::identity(),
+            variances: Vector3::zeros(),
+            learnt: Learnt::nothing(),
+        }
+    }
+
+    fn of(known: &Known<T>, carried_from_body: &UnitQuaternion<T>) -> Self {
+        let axes = known.attitude.to_rotation_matrix();
+        Self {
+            ref_from_carried: known.attitude * carried_from_body.inverse(),
+            variances: (axes * known.covariance * axes.transpose()).diagonal(),
+            learnt: known.learnt,
+        }
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = &T> {
+        let turned = self.ref_from_carried.coords.iter();
+        turned.chain(&self.variances).chain(&self.learnt.0)
+    }
 }
 
 /// Means over half a second, in the frame that the measured rate carries along.
@@ -109,11 +195,14 @@ struct Block<T: Scalar> {
     /// Turn as measured, carried frame, rad.
     turn: Vector3<T>,
     length_s: T,
+    /// What was known of the attitude where the block begins.
+    known: Before<T>,
 }
 
 impl<T: Scalar> Block<T> {
     fn empty() -> Self {
         Self {
+            known: Before::nothing(),
             force: Vector3::zeros(),
             field: Vector3::zeros(),
             force_count: T::zero(),
@@ -129,7 +218,10 @@ impl<T: Scalar> Block<T> {
         let vectors = self.force.iter().chain(&self.field).chain(&self.turn);
         let matrices = self.whole.iter().chain(&self.drift);
         let scalars = [&self.force_count, &self.field_count, &self.length_s];
-        vectors.chain(matrices).chain(scalars)
+        vectors
+            .chain(matrices)
+            .chain(scalars)
+            .chain(self.known.numbers())
     }
 }
 
@@ -261,10 +353,15 @@ impl<T: Scalar> BiasWatch<T> {
         }
     }
 
-    /// Takes a rotation: the rate (rad/s, as measured) over `dt` seconds. A step that it finds is told once; the bias that it has
-    /// then is the one before the next.
+    /// Takes a rotation: the rate (rad/s, as measured) over `dt` seconds, and what is `known` behind it, which is asked for twice a
+    /// second. A step that it finds is told once; the bias that it has then is the one before the next.
     #[inline]
-    pub fn rotate(&mut self, rate: &Vector3<T>, dt: T) -> Option<BiasStep<T>> {
+    pub fn rotate(
+        &mut self,
+        rate: &Vector3<T>,
+        dt: T,
+        known: impl FnOnce() -> Known<T>,
+    ) -> Option<BiasStep<T>> {
         self.stride.turn += rate * dt;
         self.stride.length_s += dt;
         if self.stride.length_s < lit(STRIDE_S) {
@@ -274,7 +371,7 @@ impl<T: Scalar> BiasWatch<T> {
         if self.now.length_s < lit(BLOCK_S) {
             return None;
         }
-        self.close()
+        self.close(&known())
     }
 
     /// Something was not seen: the windows begin anew. What is known of the bias stays.
@@ -305,9 +402,10 @@ impl<T: Scalar> BiasWatch<T> {
     }
 
     /// Ends a block, and looks at the window that it completes.
-    fn close(&mut self) -> Option<BiasStep<T>> {
+    fn close(&mut self, known: &Known<T>) -> Option<BiasStep<T>> {
         let mut block = self.now;
         self.now = Block::empty();
+        self.now.known = Before::of(known, &self.frame_from_body);
         let is_sound = block.numbers().all(|x| x.is_finite());
         if !is_sound || block.force_count <= T::zero() || block.length_s > lit(2.0 * BLOCK_S) {
             self.interrupt();
@@ -425,13 +523,23 @@ impl<T: Scalar> BiasWatch<T> {
         let (step, evidence, began) = (found.change, &found.evidence, found.since);
         let (bias, size) = (before + step, step.norm());
         let diluted = size * lit(DILUTED);
-        let std = (evidence.variance_within(size) + diluted * diluted).sqrt();
+        let covariance =
+            evidence.covariance_within(size) + Matrix3::identity() * (diluted * diluted);
+        let std = covariance.diagonal().max().max(T::zero()).sqrt();
         self.known = Evidence::prior(&bias, std);
         self.largest_now = T::zero();
         let mean =
             least_squares::mean_of(&self.blocks, &self.frame_from_body, [before, &step], began);
+        let resumed = least_squares::resumed(
+            &self.blocks,
+            &self.frame_from_body,
+            [before, &step],
+            began,
+            &covariance,
+        );
         self.interrupt();
         BiasStep {
+            resumed,
             mean,
             bias,
             std,

@@ -14,6 +14,7 @@ use northing_core::attitude::usque::Usque;
 use northing_core::attitude::{
     AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty,
 };
+use northing_core::faults::bias_step::{Learnt, Resumed};
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
@@ -289,8 +290,12 @@ impl AttitudeEstimator<f64> for AnyEstimator {
         each!(self, e => e.restart(initial));
     }
 
-    fn restart_with_bias(&mut self, initial: &InitialState<f64>) {
-        each!(self, e => e.restart_with_bias(initial));
+    fn learnt(&self) -> Learnt<f64> {
+        each!(self, e => e.learnt())
+    }
+
+    fn resume(&mut self, initial: &InitialState<f64>, resumed: &Resumed<f64>) {
+        each!(self, e => e.resume(initial, resumed));
     }
 
     fn hard_iron(&self) -> Vector3<f64> {

@@ -211,6 +211,17 @@ impl<T: Scalar> SpeedHypotheses<T> {
         }
     }
 
+    /// How likely each is; [`Self::set_weights`] gives it back.
+    pub(super) fn weights(&self) -> [T; HYPOTHESES] {
+        self.hypotheses.map(|h| h.weight)
+    }
+
+    pub(super) fn set_weights(&mut self, weights: [T; HYPOTHESES]) {
+        for (h, weight) in self.hypotheses.iter_mut().zip(weights) {
+            h.weight = weight;
+        }
+    }
+
     /// Nothing is known of the velocity any more.
     pub(super) fn forget_velocity(&mut self, config: &BoundedVelocityConfig<T>) {
         while self.is_looking() {

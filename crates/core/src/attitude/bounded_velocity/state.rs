@@ -11,6 +11,7 @@ use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
 use crate::attitude::propagation::LARGEST_BIAS_RAD_S;
 use crate::attitude::vector_sensor::{References, VectorSensor};
+use crate::faults::bias_step::{Learnt, Resumed};
 use crate::geometry::rotation;
 use crate::kalman::covariance::{cap_variance, undrown};
 use crate::kalman::innovation::check_vector;
@@ -281,21 +282,48 @@ impl<T: Scalar> BoundedVelocityState<T> {
         correction
     }
 
-    /// Another gyroscope bias (rad/s), which has nothing to do with the one before but for its `std`.
-    pub(super) fn set_bias(
+    /// What a wrong gyroscope bias would spoil: noise of the velocity, speed, field and hard iron.
+    pub(super) fn learnt(&self) -> Learnt<T> {
+        let [seen, expected] = self.velocity_noise.densities();
+        let [a, b, c, d] = self.speed_hypotheses.weights();
+        let [north, down] = self.field_ut.into();
+        let [x, y, z] = self.hard_iron_ut.into();
+        Learnt([seen, expected, a, b, c, d, north, down, x, y, z])
+    }
+
+    fn learn_again(&mut self, learnt: &Learnt<T>) {
+        let [seen, expected, a, b, c, d, north, down, x, y, z] = learnt.0;
+        self.velocity_noise.set_densities([seen, expected]);
+        self.speed_hypotheses.set_weights([a, b, c, d]);
+        self.field_ut = Vector2::new(north, down);
+        self.hard_iron_ut = Vector3::new(x, y, z);
+    }
+
+    /// Goes on from before a step of the bias: with what it had learnt then, and errors of attitude and bias that hang together.
+    pub(super) fn resume(
         &mut self,
         config: &BoundedVelocityConfig<T>,
-        bias: &Vector3<T>,
-        std: T,
+        initial: &InitialState<T>,
+        resumed: &Resumed<T>,
     ) {
-        self.gyroscope_bias = *bias;
-        self.initial_bias = *bias;
+        self.learn_again(&resumed.learnt);
+        self.gyroscope_bias = initial.gyroscope_bias;
+        self.initial_bias = initial.gyroscope_bias;
         for i in BIAS..BIAS + 3 {
             self.covariance.row_mut(i).fill(T::zero());
             self.covariance.column_mut(i).fill(T::zero());
         }
-        self.set_variance(BIAS, 3, std * std);
-        self.agree_about_the_speed(config);
+        self.set_block(BIAS, BIAS, &resumed.bias_covariance);
+        self.turn_to(config, initial);
+        let axes = self.level_from_body.to_rotation_matrix();
+        let cross = axes * resumed.cross_covariance();
+        self.set_block(ATTITUDE, BIAS, &cross);
+        self.set_block(BIAS, ATTITUDE, &cross.transpose());
+    }
+
+    fn set_block(&mut self, row: usize, column: usize, block: &Matrix3<T>) {
+        let mut place = self.covariance.fixed_view_mut::<3, 3>(row, column);
+        place.copy_from(block);
     }
 
     /// Adds the variance of a bias that may be off by `step` (rad/s) in one direction or the other, and has turned the attitude unseen

@@ -8,11 +8,12 @@ use crate::attitude::driver::{AttitudeDriver, DriverConfig};
 use crate::attitude::integration::Integration;
 use crate::attitude::test_world;
 use crate::attitude::{AttitudeConfig, References};
+use crate::faults::bias_step::LEARNT;
 use crate::geometry::frames::TangentFrame;
 use crate::kalman::covariance::cholesky;
 use crate::kalman::{Outcome, SkipReason};
 use layout::{CAPACITY, SCALE};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
@@ -587,4 +588,42 @@ fn sensors_have_their_own_rates() {
     });
     assert_eq!((fused, waiting), ([1500, 375], [375, 375]));
     assert!(error < 1.5, "{error} deg");
+}
+
+#[test]
+fn resumes_with_what_a_bias_has_turned_and_what_it_had_learnt() {
+    const PLACES: [usize; 6] = [0, 1, 2, BIAS, BIAS + 1, BIAS + 2];
+    let make = || BoundedVelocity::new(full::<f64>()).unwrap();
+    test_world::resumes_as_if_it_had_turned(make, |f| {
+        let mut f = *f;
+        f.propagate_covariance();
+        SMatrix::from_fn(|i, j| f.state.covariance[(PLACES[i], PLACES[j])])
+    });
+
+    let mut f = filter::<f64>(full());
+    let attitude = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3);
+    let numbers = core::array::from_fn(|k| 1.0 + k as f64);
+    let resumed = Resumed {
+        attitude,
+        attitude_covariance: Matrix3::identity() * 0.01,
+        bias_covariance: Matrix3::identity() * 1e-4,
+        drift: Matrix3::identity() * 3.0,
+        learnt: Learnt(numbers),
+    };
+    let now = InitialState {
+        gyroscope_bias: Vector3::new(0.1, 0.0, 0.0),
+        ..initial(TangentFrame::Enu, attitude)
+    };
+    f.resume(&now, &resumed);
+    assert_eq!(f.learnt(), Learnt(numbers));
+    assert_eq!(f.state.gyroscope_bias, now.gyroscope_bias);
+    // What cannot be a state is not taken: it starts at the attitude without it.
+    f.resume(
+        &now,
+        &Resumed {
+            learnt: Learnt([f64::NAN; LEARNT]),
+            ..resumed
+        },
+    );
+    assert_eq!(f.learnt(), Learnt(numbers));
 }

@@ -39,6 +39,19 @@ impl<T: Scalar> VelocityNoise<T> {
         self.averages.iter().flatten().chain(densities)
     }
 
+    /// What velocities showed, m^2/s; [`Self::set_densities`] gives it back.
+    pub(super) fn densities(&self) -> [T; 2] {
+        [self.seen, self.expected]
+    }
+
+    pub(super) fn set_densities(&mut self, [seen, expected]: [T; 2]) {
+        *self = Self {
+            averages: [Vector2::zeros(); AVERAGES],
+            seen,
+            expected,
+        };
+    }
+
     /// Its power spectral density, m^2/s (B11c).
     #[inline]
     pub fn psd(&self) -> T {

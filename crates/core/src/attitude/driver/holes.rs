@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::{Aligning, AttitudeDriver, AttitudeEstimator};
 use crate::attitude::InitialState;
 use crate::attitude::alignment::{Alignment, Prior, level_covariance};
-use crate::faults::bias_step::{BiasStep, BiasWatch};
+use crate::faults::bias_step::{BiasStep, BiasWatch, Known};
 use crate::faults::clipping::{Clipped, Clipping};
 use crate::faults::rate_noise::RateNoise;
 use crate::faults::sample_check::{Checked, SampleCheck};
@@ -385,7 +385,15 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
 
     /// Looks for a step of the gyroscope's bias in a rotation (rad/s, as measured, over `dt` seconds).
     pub(super) fn watch_bias(&mut self, rate: &Vector3<T>, dt: T) {
-        if let Some(step) = self.memory.checks.bias.rotate(rate, dt)
+        let (estimator, start) = (&self.estimator, &self.memory.start);
+        let known = || Known {
+            attitude: estimator.attitude(),
+            covariance: (estimator.attitude_covariance())
+                .or(start.map(|start| start.attitude_covariance))
+                .unwrap_or_else(Matrix3::zeros),
+            learnt: estimator.learnt(),
+        };
+        if let Some(step) = self.memory.checks.bias.rotate(rate, dt, known)
             && self.memory.started
             && let Some(now_ns) = self.memory.now_ns
         {
@@ -393,8 +401,8 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
     }
 
-    /// Goes on with a bias that stepped: the attitude has turned with the difference for as long as the window lasts at most, and is
-    /// aligned again.
+    /// Goes on with a bias that stepped, from what was known before the step: what was learnt since is wrong by it. What the window
+    /// says of the attitude by itself is compared with that, as behind a hole.
     fn take_bias(&mut self, step: &BiasStep<T>, now_ns: i64) {
         let Some(start) = self.memory.start else {
             return;
@@ -408,16 +416,14 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             is_over: true,
             size: step.size,
         });
-        let turned = step.size * step.window_s;
-        let covariance = self.estimator.attitude_covariance();
-        let covariance = covariance.unwrap_or(start.attitude_covariance);
-        self.estimator.restart_with_bias(&InitialState {
-            attitude: self.estimator.attitude(),
-            attitude_covariance: covariance + Matrix3::identity() * (turned * turned),
+        let initial = InitialState {
+            attitude: step.resumed.attitude,
+            attitude_covariance: step.resumed.attitude_covariance,
             gyroscope_bias: step.bias,
             gyroscope_bias_std: step.std,
             ..start
-        });
+        };
+        self.estimator.resume(&initial, &step.resumed);
         if self.memory.aligning.is_none() {
             let iron = step.mean.axes * self.estimator.hard_iron();
             let mean = &step.mean;
@@ -486,6 +492,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         initial.references = start.references;
         initial.north_known = start.north_known;
+        self.memory.checks.bias.interrupt();
         self.estimator.restart(&initial);
     }
 

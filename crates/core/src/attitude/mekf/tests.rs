@@ -344,3 +344,9 @@ fn single_and_double_precision_agree() {
 fn a_compass_finds_and_keeps_the_heading() {
     crate::attitude::test_world::check_compass(|config| Mekf::new(config).unwrap());
 }
+
+#[test]
+fn resumes_with_what_a_bias_has_turned() {
+    let make = || Mekf::new(AttitudeConfig::<f64>::default()).unwrap();
+    crate::attitude::test_world::resumes_as_if_it_had_turned(make, |f| f.state.covariance);
+}

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::{BLOCKS, Block, WindowMean};
+use super::{BLOCKS, Before, Block, Resumed, WindowMean};
 use crate::geometry::{rotation, so3};
 use crate::scalar::{Scalar, lit};
 
@@ -13,6 +13,8 @@ const FIELD_FLOOR: f64 = 0.01;
 const IRON_SHARE: f64 = 0.3;
 /// Largest correlation of the field's errors from block to block that is reckoned with.
 const MOST_CORRELATED: f64 = 0.8;
+/// When a step began is known to so many blocks, a standard deviation.
+const BEGAN_WITHIN: f64 = 0.5;
 /// Keeps inverses of what is not seen finite.
 const TINY: f64 = 1e-6;
 
@@ -51,11 +53,11 @@ impl<T: Scalar> Evidence<T> {
         Some((covariance * self.vector, covariance))
     }
 
-    /// Variance of the least known component, of a vector that is not longer than `size`.
-    pub(super) fn variance_within(&self, size: T) -> T {
-        let bounded = self.matrix + Matrix3::identity() * (T::one() / (size * size));
-        let covariance = bounded.cholesky().map(|root| root.inverse());
-        covariance.map_or(size * size, |c| c.diagonal().max().max(T::zero()))
+    /// Covariance of a vector that is not longer than `size`.
+    pub(super) fn covariance_within(&self, size: T) -> Matrix3<T> {
+        let prior = Matrix3::identity() * (T::one() / (size * size));
+        let covariance = (self.matrix + prior).cholesky().map(|root| root.inverse());
+        covariance.unwrap_or(Matrix3::identity() * (size * size))
     }
 
     /// The same of information that may be singular: what is not seen is zero, with a large variance.
@@ -149,6 +151,44 @@ pub(super) fn mean_of<T: Scalar>(
         force: force / count,
         field: has_field.then(|| field / count),
         axes: axes / count,
+    }
+}
+
+/// The attitude as it was known at the beginning of block `since`, carried on to now with the bias `before` plus a step, whose
+/// covariance is given (F16b, F16c).
+pub(super) fn resumed<T: Scalar>(
+    blocks: &[Block<T>; BLOCKS],
+    carried_from_body: &UnitQuaternion<T>,
+    [before, step]: [&Vector3<T>; 2],
+    since: usize,
+    bias_covariance: &Matrix3<T>,
+) -> Resumed<T> {
+    let late = || blocks.iter().skip(since);
+    let known = late().next().map_or(Before::nothing(), |first| first.known);
+    let mut ref_from_carried = known.ref_from_carried;
+    let mut covariance = Matrix3::from_diagonal(&known.variances);
+    let mut drift = Matrix3::zeros();
+    for (k, block) in late().enumerate() {
+        let half = so3::exp(&(block.whole * (before + step) * lit::<T>(-0.5)));
+        let middle = ref_from_carried * half;
+        let turned = middle.to_rotation_matrix() * block.whole;
+        if k == 0 {
+            // It stepped somewhat earlier, or later.
+            let uncertain = turned * step * lit::<T>(BEGAN_WITHIN);
+            covariance += uncertain * uncertain.transpose();
+        }
+        drift += turned;
+        ref_from_carried = middle * half;
+    }
+    let attitude = rotation::renormalize(&(ref_from_carried * carried_from_body));
+    covariance += drift * bias_covariance * drift.transpose();
+    let axes = attitude.inverse().to_rotation_matrix();
+    Resumed {
+        attitude,
+        attitude_covariance: axes * covariance * axes.transpose(),
+        bias_covariance: *bias_covariance,
+        drift: axes * drift,
+        learnt: known.learnt,
     }
 }
 

@@ -16,6 +16,8 @@ struct Hand {
     reference_from_body: UnitQuaternion<f64>,
     time_s: f64,
     bias: Vector3<f64>,
+    /// How fast an estimator's attitude goes off from a minute and a half on, body axes, rad/s.
+    goes_off: Vector3<f64>,
     /// In reference axes, microtesla.
     field: Vector3<f64>,
 }
@@ -30,6 +32,7 @@ impl Hand {
             reference_from_body: UnitQuaternion::identity(),
             time_s: 0.0,
             bias: Vector3::new(0.004, -0.006, 0.003),
+            goes_off: Vector3::zeros(),
             field: Vector3::new(0.0, 20.0, -43.0),
         }
     }
@@ -64,6 +67,16 @@ impl Hand {
     }
 }
 
+/// What an estimator knows of a hand's attitude, to a degree.
+fn known_by(hand: &Hand) -> Known<f64> {
+    let off = hand.goes_off * (hand.time_s - 90.0).max(0.0);
+    Known {
+        attitude: hand.reference_from_body * so3::exp(&off),
+        covariance: Matrix3::identity() * 3e-4,
+        learnt: Learnt([hand.time_s; LEARNT]),
+    }
+}
+
 /// When steps were told, s, and the last one.
 fn told(
     hand: &mut Hand,
@@ -78,7 +91,9 @@ fn told(
         if has_field {
             watch.field(&field);
         }
-        all.extend(watch.rotate(&rate, DT).map(|step| (hand.time_s, step)));
+        let known = || known_by(hand);
+        let step = watch.rotate(&rate, DT, known);
+        all.extend(step.map(|step| (hand.time_s, step)));
     }
     all
 }
@@ -131,6 +146,38 @@ fn a_turn_that_the_gyroscope_missed_is_no_step() {
     }
 }
 
+/// GIVEN an estimator that a step of the bias turns away WHEN the step is found THEN the attitude goes on from before it, and what is left
+/// of its error is what the error of the new bias has turned.
+#[test]
+fn the_attitude_of_before_is_carried_on_with_the_new_bias() {
+    let mut squared = Vec::new();
+    for seed in 1..=12 {
+        let (mut hand, mut watch) = (Hand::new(seed), BiasWatch::default());
+        let _ = told(&mut hand, &mut watch, 90.0, true);
+        hand.bias += a_step_of(0.1);
+        hand.goes_off = a_step_of(0.1);
+        let steps = told(&mut hand, &mut watch, 1.0, true);
+        assert_eq!(steps, [], "seed {seed}");
+        let mut steps = Vec::new();
+        while steps.is_empty() && hand.time_s < 110.0 {
+            steps = told(&mut hand, &mut watch, DT, true);
+        }
+        let resumed = steps[0].1.resumed;
+        let error = so3::log(&(resumed.attitude.inverse() * hand.reference_from_body));
+        let by_bias = -resumed.drift * (hand.bias - steps[0].1.bias);
+        let left = (error - by_bias).norm();
+        // The beginning of the step is known to two blocks, in which it turns a tenth of a radian.
+        assert!(left < 0.12, "seed {seed}: {left} of {}", error.norm());
+        // It had learnt what it knew before the step, or in the block in which it came.
+        let age = resumed.learnt.0[0] - 90.0;
+        assert!(age.abs() < 1.1, "seed {seed}: {age}");
+        let covariance = resumed.attitude_covariance.cholesky().unwrap();
+        squared.push(error.dot(&covariance.solve(&error)) / 3.0);
+    }
+    let mean = squared.iter().sum::<f64>() / squared.len() as f64;
+    assert!(mean < 2.0, "{mean} {squared:?}");
+}
+
 /// Tilting turns gravity; about the vertical nothing is seen, and the bias there stays.
 #[test]
 fn without_a_magnetometer_gravity_shows_larger_ones() {
@@ -179,7 +226,12 @@ fn garbage_leaves_nothing_that_is_not_finite() {
             let (rate, force, field) = (any(), any(), any());
             watch.force(&force);
             watch.field(&field);
-            let _ = watch.rotate(&rate, lit(0.01));
+            let known = || Known {
+                attitude: UnitQuaternion::from_scaled_axis(rate),
+                covariance: force * field.transpose(),
+                learnt: Learnt([force.x; LEARNT]),
+            };
+            let _ = watch.rotate(&rate, lit(0.01), known);
             assert!(watch.numbers().all(|x| x.is_finite()));
         }
     }
