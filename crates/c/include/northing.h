@@ -22,22 +22,22 @@ typedef double northing_real;
 
 #if defined(NORTHING_DOUBLE)
 // Words of the memory of each filter.
-#define NORTHING_MEKF_WORDS 900
+#define NORTHING_MEKF_WORDS 1140
 #endif
 
 #if !defined(NORTHING_DOUBLE)
 // Words of the memory of each filter.
-#define NORTHING_MEKF_WORDS 500
+#define NORTHING_MEKF_WORDS 620
 #endif
 
 #if defined(NORTHING_DOUBLE)
 // Words of the memory of each filter.
-#define NORTHING_BOUNDED_VELOCITY_WORDS 1800
+#define NORTHING_BOUNDED_VELOCITY_WORDS 2040
 #endif
 
 #if !defined(NORTHING_DOUBLE)
 // Words of the memory of each filter.
-#define NORTHING_BOUNDED_VELOCITY_WORDS 960
+#define NORTHING_BOUNDED_VELOCITY_WORDS 1080
 #endif
 
 #if defined(NORTHING_DOUBLE)

@@ -32,16 +32,16 @@ impl Profile {
 
 /// Words of the memory of each filter.
 #[cfg(feature = "double")]
-pub const NORTHING_MEKF_WORDS: usize = 900;
+pub const NORTHING_MEKF_WORDS: usize = 1140;
 /// Words of the memory of each filter.
 #[cfg(not(feature = "double"))]
-pub const NORTHING_MEKF_WORDS: usize = 500;
+pub const NORTHING_MEKF_WORDS: usize = 620;
 /// Words of the memory of each filter.
 #[cfg(feature = "double")]
-pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 1800;
+pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 2040;
 /// Words of the memory of each filter.
 #[cfg(not(feature = "double"))]
-pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 960;
+pub const NORTHING_BOUNDED_VELOCITY_WORDS: usize = 1080;
 
 /// The multiplicative extended Kalman filter: attitude and gyroscope bias. Yours to keep; copy it by assignment.
 #[repr(C)]
