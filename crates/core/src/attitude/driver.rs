@@ -14,7 +14,8 @@
 //!   grows by what the motion before lets expect (`docs/derivations/faults.md`, F4). When they come again, the turn between
 //!   is that of a rate with both ends known (F5), and an attitude that may have turned far is aligned again.
 //! - A bias of the gyroscope that steps is found by what gravity and field do in the frame that it carries along
-//!   ([`crate::faults::bias_step`]): the estimator goes on with the new bias, and is aligned again.
+//!   ([`crate::faults::bias_step`]): the estimator goes on with the new bias from what it knew before the step, and is aligned
+//!   again where the samples since contradict that.
 //! - A stamp far ahead of all samples is not used before another one goes on from it ([`crate::faults::leaping_stamp`]): behind a pause
 //!   that costs one sample, and a false stamp costs its own sample only.
 //! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
