@@ -42,12 +42,12 @@ typedef double northing_real;
 
 #if defined(NORTHING_DOUBLE)
 // Words of its memory.
-#define NORTHING_GNSS_INS_WORDS 6600
+#define NORTHING_GNSS_INS_WORDS 8300
 #endif
 
 #if !defined(NORTHING_DOUBLE)
 // Words of its memory.
-#define NORTHING_GNSS_INS_WORDS 3400
+#define NORTHING_GNSS_INS_WORDS 4250
 #endif
 
 // How a call ended.

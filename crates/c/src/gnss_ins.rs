@@ -28,10 +28,10 @@ pub enum SolutionStatus {
 
 /// Words of its memory.
 #[cfg(feature = "double")]
-pub const NORTHING_GNSS_INS_WORDS: usize = 6600;
+pub const NORTHING_GNSS_INS_WORDS: usize = 8300;
 /// Words of its memory.
 #[cfg(not(feature = "double"))]
-pub const NORTHING_GNSS_INS_WORDS: usize = 3400;
+pub const NORTHING_GNSS_INS_WORDS: usize = 4250;
 
 /// The GNSS/INS. Yours to keep; copy it by assignment.
 #[repr(C)]

@@ -127,6 +127,48 @@ impl<T: Scalar, const N: usize, L: ErrorListener<T, N>, const K: usize> ErrorLis
     }
 }
 
+/// Two listen, one after the other.
+impl<T: Scalar, const N: usize, A: ErrorListener<T, N>, B: ErrorListener<T, N>> ErrorListener<T, N>
+    for (A, B)
+{
+    const LISTENS: bool = A::LISTENS || B::LISTENS;
+
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        self.0.propagated(transition);
+        self.1.propagated(transition);
+    }
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        self.0.corrected(correction);
+        self.1.corrected(correction);
+    }
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        self.0.recentred(angle);
+        self.1.recentred(angle);
+    }
+    fn restarted(&mut self) {
+        self.0.restarted();
+        self.1.restarted();
+    }
+}
+
+/// Somebody else's listener.
+impl<T: Scalar, const N: usize, L: ErrorListener<T, N>> ErrorListener<T, N> for &mut L {
+    const LISTENS: bool = L::LISTENS;
+
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        L::propagated(self, transition);
+    }
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        L::corrected(self, correction);
+    }
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        L::recentred(self, angle);
+    }
+    fn restarted(&mut self) {
+        L::restarted(self);
+    }
+}
+
 /// One who is not always there: a target that has not been seen yet.
 impl<T: Scalar, const N: usize, L: ErrorListener<T, N>> ErrorListener<T, N> for Option<L> {
     fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {

@@ -8,7 +8,7 @@
 //! its value at rest instead, which is averaged over a longer time, and its variance stays within what was seen.
 //! Cost: 60 multiplications a catch-up.
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::STATES;
 use crate::scalar::{Scalar, lit};
@@ -42,6 +42,12 @@ impl<T: Scalar> BiasAtRest<T> {
         Self { value, variance }
     }
 
+    /// The bias has stepped: so has its value at rest, known to the covariance of the step.
+    pub(super) fn shift(&mut self, step: &Vector3<T>, covariance: &Matrix3<T>) {
+        self.value += step;
+        self.variance += covariance.diagonal();
+    }
+
     /// Lets `dt` seconds pass for the bias whose errors are the states from `first` on.
     pub(super) fn relax<const C: usize>(
         &mut self,
@@ -60,8 +66,10 @@ impl<T: Scalar> BiasAtRest<T> {
         for i in 0..3 {
             let state = first + i;
             // The mean of many independent offsets (E29): one a correlation time.
-            let seen = self.variance[i] + covariance[(state, state)].max(T::zero()) + stationary;
-            let gain = self.variance[i] / seen * share.min(lit(1.0));
+            let one = covariance[(state, state)].max(T::zero()) + stationary;
+            let gain = self.variance[i] / (self.variance[i] + one) * share.min(lit(1.0));
+            // Nor is it known worse than by the offset of now, whose deviation from it is stationary.
+            let gain = gain.max(T::one() - one / self.variance[i].max(one));
             let rest = self.value[i] + (bias[i] - self.value[i]) * gain;
             let left = self.variance[i] * (T::one() - gain) + settings.walk * settings.walk * dt;
             (self.value[i], self.variance[i]) = (rest, left);

@@ -53,8 +53,9 @@
 //!   longer one starts it again.
 //!
 //! Cost, limits: see [`ErrorStateFilter`] and, until the heading is known, [`super::in_motion_alignment`]. Memory in single
-//! precision: 26 KB, of which 20 KB are the alignment's, and 36 bytes a sample of history.
+//! precision: 32 KB, of which 20 KB are the alignment's and 6 KB those of steps of a bias, and 36 bytes a sample of history.
 
+mod bias_step;
 mod clock;
 mod config;
 mod constraints;

@@ -49,7 +49,7 @@
 //! bytes an interval, 12 KB for four and eight.
 
 mod bank;
-mod bias_step;
+pub(super) mod bias_step;
 mod config;
 mod estimate;
 mod hypothesis;

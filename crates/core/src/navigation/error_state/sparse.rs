@@ -10,7 +10,7 @@
 mod expected;
 mod shrink;
 
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use self::expected::{Expected, Projected, Used};
 use self::shrink::{column_of_lower, mirror_lower, scaled, shrink, shrink_side};
@@ -23,7 +23,7 @@ use crate::kalman::sparse_update::SparseRow;
 use crate::kalman::{
     CountedGate, ErrorListener, GateDecision, Innovation, Outcome, ScalarCorrection, SkipReason,
 };
-use crate::navigation::augmented_states::AugmentedStates;
+use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::gauss_markov_bias::{BiasAtRest, GaussMarkovBias};
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, ERRORS, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
@@ -253,6 +253,34 @@ impl<T: Scalar> ErrorStateFilter<T> {
                 });
             }
         }
+    }
+
+    /// Takes over errors that were found otherwise, with what is added to the covariance of all: of the 15 and beside them.
+    pub(in crate::navigation) fn shift(
+        &mut self,
+        side: &mut AugmentedStates<T>,
+        errors: &SVector<T, ERRORS>,
+        covariance: &SMatrix<T, ERRORS, ERRORS>,
+        listener: &mut impl ErrorListener<T, ERRORS>,
+    ) {
+        let p = &mut self.state.covariance;
+        for i in 0..STATES {
+            for j in 0..=i {
+                let sum = p[(i, j)] + covariance[(i, j)];
+                (p[(i, j)], p[(j, i)]) = (sum, sum);
+            }
+        }
+        side.cross += covariance.fixed_view::<STATES, AUGMENTED_STATES>(0, SIDE);
+        for i in 0..AUGMENTED_STATES {
+            for j in 0..=i {
+                let sum = side.covariance[(i, j)] + covariance[(SIDE + i, SIDE + j)];
+                (side.covariance[(i, j)], side.covariance[(j, i)]) = (sum, sum);
+            }
+        }
+        side.values += errors.fixed_rows::<AUGMENTED_STATES>(SIDE);
+        let angle = self.inject(&errors.fixed_rows::<STATES>(0).into_owned());
+        side.reset(&angle);
+        listener.recentred(&angle);
     }
 
     /// Takes the body to be level within `std` (rad): its tilt is then correlated with nothing.

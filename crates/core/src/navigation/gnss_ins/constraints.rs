@@ -68,9 +68,9 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let m = zero_velocity::damping(&velocity, variance);
         // It cannot be wrong by more than itself: no gate.
         let mut open = CountedGate::default();
-        let (side, listener) = (&mut self.memory.side, &mut self.listener);
+        let (side, mut listener) = self.memory.followed(&mut self.listener);
         self.filter
-            .fuse_sparse(side, &m, &mut open, T::zero(), listener);
+            .fuse_sparse(side, &m, &mut open, T::zero(), &mut listener);
     }
 
     /// Variance ((m/s)^2) with which the velocity is taken to be zero for `duration` seconds; `None` where something measures it
@@ -118,9 +118,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if innovation.outcome.is_fused() {
             let bias = self.filter.state().gyroscope_bias;
             let m = zero_velocity::rate(&mean_rate, &bias, rate_variance);
-            let (side, listener) = (&mut self.memory.side, &mut self.listener);
-            let gate = &mut self.memory.standing_rate_gate;
-            self.filter.fuse_sparse(side, &m, gate, bound(3), listener);
+            let mut gate = self.memory.standing_rate_gate;
+            let (side, mut listener) = self.memory.followed(&mut self.listener);
+            self.filter
+                .fuse_sparse(side, &m, &mut gate, bound(3), &mut listener);
+            self.memory.standing_rate_gate = gate;
         }
     }
 }

@@ -261,6 +261,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         self.filter.set_noise_densities(widened);
         self.alignment.samples_are_unseen();
+        self.memory.bias_steps.forget();
         self.step(rate, force, dt, widened);
         self.catch_up();
         self.filter.set_noise_densities(before);

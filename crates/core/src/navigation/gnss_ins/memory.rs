@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::bias_step::BiasSteps;
 use super::counts::{Aid, AidCounts};
 use super::sample_faults::SampleFaults;
 use super::start_without_inertial::LevelStart;
@@ -17,6 +18,9 @@ use crate::navigation::in_motion_alignment::InMotionAlignmentState;
 use crate::navigation::{ErrorTransition, GnssVelocity, NavigationState};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit};
+
+/// Who follows the errors: the look for steps of biases, and the listener.
+pub(super) type Followers<'a, T, L> = (&'a mut BiasSteps<T>, &'a mut L);
 
 /// All that is neither a setting nor the state of the 15-state filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +50,8 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     /// Positions that disagree, less twice those that agree, and the stamp of the last one that was judged.
     pub(super) disagreeing: u8,
     pub(super) judged_ns: Option<i64>,
+    /// The instants at which a bias may have stepped.
+    pub(super) bias_steps: BiasSteps<T>,
     /// The last position that was given, to see one that is repeated.
     pub(super) last_position: Option<Vector3<T>>,
     /// What rounding has done to it since, m.
@@ -135,6 +141,7 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             noise_scale: [T::one(); 3],
             disagreeing: 0,
             judged_ns: None,
+            bias_steps: BiasSteps::default(),
             last_position: None,
             repeated_within: T::zero(),
             frozen: false,
@@ -180,6 +187,14 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
 }
 
 impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
+    /// The augmented states, and all who follow the errors.
+    pub(super) fn followed<'a, L>(
+        &'a mut self,
+        listener: &'a mut L,
+    ) -> (&'a mut AugmentedStates<T>, Followers<'a, T, L>) {
+        (&mut self.side, (&mut self.bias_steps, listener))
+    }
+
     /// Whether it can be continued from.
     fn check(&self) -> Result<(), InvalidState> {
         self.side.check()?;
@@ -200,6 +215,7 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
         finite("standstill", self.quiet.numbers())?;
         finite("vibration", self.vibration.numbers())?;
         finite("checks of samples", self.faults.numbers())?;
+        finite("steps of biases", self.bias_steps.numbers())?;
         finite(
             "standstill",
             self.due_window.iter().flat_map(Window::numbers),

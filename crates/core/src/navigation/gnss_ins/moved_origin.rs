@@ -34,7 +34,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             self.memory.history.move_origin(change, &state, gravity);
             self.memory.side.move_origin(change);
             let _ = self.filter.start(state);
-            self.listener.propagated(change);
+            let (_, mut listener) = self.memory.followed(&mut self.listener);
+            listener.propagated(change);
         }
         let earth_rate = Vector3::from(self.config.earth_rate_rad_s);
         self.config.earth_rate_rad_s = change.vector(&earth_rate).into();

@@ -97,9 +97,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             side_kept: step.decay,
         };
         self.relax_biases(duration);
-        self.listener.propagated(&self.memory.last_step);
-        self.filter
-            .limit_covariance(&mut self.memory.side, &mut self.listener);
+        let step = self.memory.last_step;
+        let (side, mut listener) = self.memory.followed(&mut self.listener);
+        listener.propagated(&step);
+        self.filter.limit_covariance(side, &mut listener);
         if !(self.filter.state().is_sound() && self.memory.side.is_usable()) {
             self.restart();
         }
@@ -155,8 +156,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if self.memory.started {
             self.hold_velocity(duration);
             let tilt = lit(TILT_STD_ASSUMED);
-            self.filter
-                .hold_level(&mut self.memory.side, tilt, &mut self.listener);
+            let (side, mut listener) = self.memory.followed(&mut self.listener);
+            self.filter.hold_level(side, tilt, &mut listener);
             self.memory.since_velocity += duration;
             self.memory.since_constraint += duration;
             self.constrain();

@@ -394,7 +394,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             BiasAtRest::new(rate, variances(GYROSCOPE_BIAS)),
         ];
         self.memory.started = true;
-        self.listener.restarted();
+        let (_, mut listener) = self.memory.followed(&mut self.listener);
+        listener.restarted();
         true
     }
 }

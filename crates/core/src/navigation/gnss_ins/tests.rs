@@ -1,5 +1,6 @@
 //! The GNSS/INS as a whole, on motions made here: start, late fixes, outages, standstill.
 
+mod bias_steps;
 mod faults;
 mod limits;
 mod magnetometer;

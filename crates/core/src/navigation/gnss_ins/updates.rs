@@ -155,8 +155,9 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Starts an augmented state anew, on the way.
     pub(super) fn start_side(&mut self, state: usize, value: T, variance: T) {
-        self.memory.side.start(state, value, variance);
-        self.listener.propagated(&ScaledState {
+        let (side, mut listener) = self.memory.followed(&mut self.listener);
+        side.start(state, value, variance);
+        listener.propagated(&ScaledState {
             state: STATES + state,
             factor: T::zero(),
         });
@@ -167,10 +168,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         aid: Aid,
         measurement: &SparseMeasurement<T, M>,
     ) -> Innovation<T> {
-        let (side, listener) = (&mut self.memory.side, &mut self.listener);
-        let gate = &mut self.memory.gates[aid as usize];
-        self.filter
-            .fuse_sparse(side, measurement, gate, bound(M), listener)
+        let mut gate = self.memory.gates[aid as usize];
+        let (side, mut listener) = self.memory.followed(&mut self.listener);
+        let record =
+            (self.filter).fuse_sparse(side, measurement, &mut gate, bound(M), &mut listener);
+        self.memory.gates[aid as usize] = gate;
+        record
     }
 
     fn fuse_or_skip<const M: usize>(

@@ -47,8 +47,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         } else {
             Weighting::None
         };
-        let (side, listener) = (&mut self.memory.side, &mut self.listener);
-        let record = self.filter.fuse_weighted(side, measurement, how, listener);
+        let seen = self.memory.bias_steps.seen(&measurement.rows);
+        let (side, mut listener) = self.memory.followed(&mut self.listener);
+        let record = self
+            .filter
+            .fuse_weighted(side, measurement, how, &mut listener);
+        self.memory.bias_steps.learn(&seen, &record);
         self.learn_scale(measurement, &record, aid);
         record
     }
@@ -117,11 +121,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let nis = parts.iter().fold(T::zero(), |sum, part| sum + part.nis);
         let row = usize::from(degrees).saturating_sub(1);
         let nominal = NOMINAL_NIS.get(row).copied().unwrap_or(NOMINAL_NIS[2]);
-        self.memory.disagreeing = if nis > lit(nominal) {
+        let disagrees = nis > lit(nominal);
+        self.memory.disagreeing = if disagrees {
             self.memory.disagreeing.saturating_add(1)
         } else {
             self.memory.disagreeing.saturating_sub(2)
         };
+        if disagrees && self.take_bias_step(time_ns, update) {
+            // Whether it was the reason the next fixes say.
+            self.memory.disagreeing = 1;
+        }
+        self.begin_bias_step(time_ns);
         self.memory.disagreeing >= MOST_DISAGREEING
     }
 

@@ -14,9 +14,9 @@ use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION};
 use crate::scalar::{Scalar, lit};
 
 /// Standard deviation of a step, in those of the bias at the start: less is learnt without being looked for.
-const STEP: f64 = 3.0;
+pub(in crate::navigation) const STEP: f64 = 3.0;
 /// Log evidence by which a step must explain the window better than none.
-const LEAST_GAIN: f64 = 8.0;
+pub(in crate::navigation) const LEAST_GAIN: f64 = 8.0;
 /// NIS of three components of the newest fix from which one is looked for: one in ten has it by chance.
 const SUSPECT_NIS: f64 = 6.25;
 /// A step is looked for in so many of the newest intervals, which costs no more than a fix at the start.
@@ -26,7 +26,7 @@ pub(super) const UNSEEN_FIXES: u32 = LOOKED_AT as u32;
 /// Fixes before one is looked for.
 const FEWEST_FIXES: u32 = 6;
 /// Variance of a time within an interval at which it may have been, as a share of the squared interval.
-const WHEN: f64 = 1.0 / 3.0;
+pub(in crate::navigation) const WHEN: f64 = 1.0 / 3.0;
 /// Log evidence of a hypothesis whose numbers have failed.
 const FAILED: f64 = -1e30;
 /// The sensors that may have stepped.

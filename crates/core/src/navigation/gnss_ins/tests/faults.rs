@@ -43,7 +43,7 @@ fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
 }
 
 /// Drives for two minutes; `faulty` changes rate and force at an instant (s), a rate that is none is one that does not come. Horizontal errors at each second.
-fn with_faults(
+pub(super) fn with_faults(
     mut faulty: impl FnMut(f64, &mut Vector3<f64>, &mut Vector3<f64>),
 ) -> (std::vec::Vec<f64>, GnssIns<f64, 64>) {
     use rand::{RngExt, SeedableRng};
