@@ -8,7 +8,7 @@
 //! its value at rest instead, which is averaged over a longer time, and its variance stays within what was seen.
 //! Cost: 60 multiplications a catch-up.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
 use super::STATES;
 use crate::scalar::{Scalar, lit};
@@ -42,10 +42,10 @@ impl<T: Scalar> BiasAtRest<T> {
         Self { value, variance }
     }
 
-    /// The bias has stepped: so has its value at rest, known to the covariance of the step.
-    pub(super) fn shift(&mut self, step: &Vector3<T>, covariance: &Matrix3<T>) {
+    /// The bias has stepped: so has its value at rest, known to these variances.
+    pub(super) fn shift(&mut self, step: &Vector3<T>, variances: &Vector3<T>) {
         self.value += step;
-        self.variance += covariance.diagonal();
+        self.variance += variances;
     }
 
     /// Lets `dt` seconds pass for the bias whose errors are the states from `first` on.

@@ -15,7 +15,7 @@ use crate::faults::{Fault, FaultKind, FaultySensor};
 use crate::kalman::feedback::reset_rows;
 use crate::kalman::{ErrorPropagation, Innovation, ScalarCorrection};
 use crate::navigation::error_state::sparse::Row;
-use crate::navigation::in_motion_alignment::bias_step::{LEAST_GAIN, STEP, WHEN};
+use crate::navigation::in_motion_alignment::bias_step::{LEAST_GAIN, STEP};
 use crate::navigation::{ACCELEROMETER_BIAS, GYROSCOPE_BIAS, POSITION};
 use crate::scalar::{Scalar, lit};
 
@@ -23,6 +23,12 @@ use crate::scalar::{Scalar, lit};
 const INSTANTS: usize = 6;
 /// Fixes behind a step before another one is looked for: what steps again and again is no bias.
 const PAUSE: u8 = 60;
+/// Variance of a time within half an interval of an instant, as a share of the squared interval.
+const WHEN: f64 = 1.0 / 12.0;
+/// Less likely by so much than the likeliest counts as none.
+const LEAST_WEIGHT: f64 = 1e-6;
+/// The sensors of the first two of them.
+const SENSORS: [FaultySensor; 2] = [FaultySensor::Gyroscope, FaultySensor::Accelerometer];
 /// What may change: the first of three states each.
 const CHANGES: [usize; 3] = [GYROSCOPE_BIAS, ACCELEROMETER_BIAS, POSITION];
 /// Which of them is a jump of the fixes: as seen from there, one of the position.
@@ -46,6 +52,8 @@ struct Response<T: Scalar> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Since<T: Scalar> {
     time_ns: i64,
+    /// What the receiver's noise is multiplied by then.
+    noise_scale: [T; 3],
     responses: [Response<T>; CHANGES.len()],
 }
 
@@ -71,19 +79,27 @@ impl<T: Scalar> Default for BiasSteps<T> {
 /// What the rows of a measurement see of each change since each instant.
 type Seen<T, const M: usize> = [Option<[SMatrix<T, M, 3>; CHANGES.len()]>; INSTANTS];
 
-/// A step that explains the fixes.
+/// A change of one kind since one instant, as the innovations have it.
 #[derive(Debug, Clone, Copy)]
-struct Step<T: Scalar> {
-    sensor: FaultySensor,
-    since_ns: i64,
-    /// In the sensor's unit, body axes, with its covariance.
+struct Fit<T: Scalar> {
     size: Vector3<T>,
     covariance: Matrix3<T>,
     /// Log evidence for it.
     gain: T,
-    /// What a unit of it has made of the errors, since its instant and since the next one.
-    rows: SMatrix<T, ERRORS, 3>,
-    rows_of_next: SMatrix<T, ERRORS, 3>,
+}
+
+/// The likeliest step, and what all changes together make of the errors, each as likely as its evidence says.
+#[derive(Debug, Clone, Copy)]
+struct Step<T: Scalar> {
+    sensor: FaultySensor,
+    since_ns: i64,
+    size: T,
+    /// What the receiver's noise was multiplied by before it.
+    noise_scale: [T; 3],
+    errors: SVector<T, ERRORS>,
+    covariance: SMatrix<T, ERRORS, ERRORS>,
+    /// Steps of gyroscope and accelerometer, with their variances.
+    biases: [(Vector3<T>, Vector3<T>); 2],
 }
 
 impl<T: Scalar> Response<T> {
@@ -98,15 +114,20 @@ impl<T: Scalar> Response<T> {
         }
     }
 
-    /// The change with its covariance, and its log evidence, where its prior has a standard deviation (F21).
-    fn fit(&self, std: T) -> Option<(Vector3<T>, Matrix3<T>, T)> {
+    /// The change and its evidence, where its prior has a standard deviation (F21).
+    fn fit(&self, std: T) -> Option<Fit<T>> {
         let variance = std * std;
         let prior = Matrix3::identity() / variance;
         let covariance = (self.information + prior).try_inverse()?;
         let size = covariance * self.weighted;
         let spread = (Matrix3::identity() + self.information * variance).determinant();
         let gain = (self.weighted.dot(&size) - spread.ln()) * lit(0.5);
-        gain.is_finite().then_some((size, covariance, gain))
+        let fit = Fit {
+            size,
+            covariance,
+            gain,
+        };
+        gain.is_finite().then_some(fit)
     }
 }
 
@@ -118,13 +139,15 @@ impl<T: Scalar> BiasSteps<T> {
 
     /// The numbers, for checks of a saved state.
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
-        let responses = self.instants.iter().flatten();
-        let responses = responses.flat_map(|instant| &instant.responses);
-        responses.flat_map(|of| of.rows.iter().chain(&of.information).chain(&of.weighted))
+        self.instants.iter().flatten().flat_map(|since| {
+            let of = since.responses.iter();
+            let of = of.flat_map(|of| of.rows.iter().chain(&of.information).chain(&of.weighted));
+            of.chain(&since.noise_scale)
+        })
     }
 
     /// Something may change from now on.
-    fn begin(&mut self, time_ns: i64) {
+    fn begin(&mut self, time_ns: i64, noise_scale: [T; 3]) {
         let full = self.instants.iter().all(Option::is_some);
         if full {
             self.instants.rotate_left(1);
@@ -136,7 +159,11 @@ impl<T: Scalar> BiasSteps<T> {
         };
         if let Some(place) = free {
             let responses = CHANGES.map(Response::from_now);
-            *place = Some(Since { time_ns, responses });
+            *place = Some(Since {
+                time_ns,
+                noise_scale,
+                responses,
+            });
         }
     }
 
@@ -173,38 +200,77 @@ impl<T: Scalar> BiasSteps<T> {
         }
     }
 
-    /// The step that explains the innovations best, and better than fixes that jump by about `jump` (F22).
-    fn likeliest(&self, stds: [T; 2], jump: T) -> Option<Step<T>> {
-        let mut best: Option<Step<T>> = None;
-        let mut jumped = T::zero();
-        for (k, since) in self.instants.iter().enumerate() {
-            let Some(since) = since else {
-                continue;
-            };
-            let next = self.instants.get(k + 1).and_then(Option::as_ref);
-            for (i, response) in since.responses.iter().enumerate() {
-                let Some((size, covariance, gain)) =
-                    response.fit(stds.get(i).copied().unwrap_or(jump))
-                else {
-                    continue;
-                };
+    /// The step that explains the innovations best, and better than fixes that jump (F22); `stds` of the priors of all changes.
+    fn likeliest(&self, stds: &[T; CHANGES.len()]) -> Option<Step<T>> {
+        let fits = self.instants.each_ref().map(|since| {
+            let responses = since.as_ref().map(|since| &since.responses);
+            core::array::from_fn(|i| responses.and_then(|of| of[i].fit(stds[i])))
+        });
+        let (mut best, mut jumped) = (None, T::zero());
+        for (k, of) in fits.iter().enumerate() {
+            for (i, fit) in of.iter().enumerate() {
+                let Some(fit) = fit else { continue };
                 if i == JUMP {
-                    jumped = jumped.max(gain);
-                } else if best.as_ref().is_none_or(|best| gain > best.gain) {
-                    let from_now = Response::from_now(CHANGES[i]).rows;
-                    best = Some(Step {
-                        sensor: [FaultySensor::Gyroscope, FaultySensor::Accelerometer][i],
-                        since_ns: since.time_ns,
-                        size,
-                        covariance,
-                        gain,
-                        rows: response.rows,
-                        rows_of_next: next.map_or(from_now, |next| next.responses[i].rows),
-                    });
+                    jumped = jumped.max(fit.gain);
+                } else if best.is_none_or(|(.., before): (_, _, Fit<T>)| fit.gain > before.gain) {
+                    best = Some((k, i, *fit));
                 }
             }
         }
-        best.filter(|best| best.gain > jumped && best.gain > lit(LEAST_GAIN))
+        let (k, i, best) = best.filter(|(.., best)| best.gain > jumped)?;
+        (best.gain > lit(LEAST_GAIN)).then_some(())?;
+        let since = self.instants[k].as_ref()?;
+        let mut step = Step {
+            sensor: SENSORS[i],
+            since_ns: since.time_ns,
+            size: best.size.norm(),
+            noise_scale: since.noise_scale,
+            errors: since.responses[i].rows * best.size,
+            covariance: SMatrix::zeros(),
+            biases: [(Vector3::zeros(), Vector3::zeros()); 2],
+        };
+        self.merge(&mut step, &fits, best.gain);
+        Some(step)
+    }
+
+    /// Makes of the likeliest step alone the mean and the covariance over all changes, by their evidence.
+    fn merge(&self, step: &mut Step<T>, fits: &[[Option<Fit<T>>; 3]; INSTANTS], largest: T) {
+        let mut total = T::zero();
+        let mut mean = SVector::<T, ERRORS>::zeros();
+        let of_all = self.instants.iter().zip(fits).enumerate();
+        for (k, (since, fits)) in of_all {
+            let Some(since) = since else { continue };
+            let next = self.instants.get(k + 1).and_then(Option::as_ref);
+            for (i, (response, fit)) in since.responses.iter().zip(fits).enumerate() {
+                let weight = fit.map_or(T::zero(), |fit| (fit.gain - largest).exp());
+                let (Some(fit), true) = (fit, weight > lit(LEAST_WEIGHT)) else {
+                    continue;
+                };
+                let from_now = Response::from_now(CHANGES[i]).rows;
+                let rows_of_next = next.map_or(from_now, |next| next.responses[i].rows);
+                // It may have begun at any time up to half an interval from there.
+                let late = (response.rows - rows_of_next) * fit.size;
+                let off = response.rows * fit.size - step.errors;
+                let spread = response.rows * fit.covariance * response.rows.transpose();
+                total += weight;
+                mean += off * weight;
+                step.covariance +=
+                    (spread + late * late.transpose() * lit::<T>(WHEN) + off * off.transpose())
+                        * weight;
+                if let Some((size, variance)) = step.biases.get_mut(i) {
+                    *size += fit.size * weight;
+                    *variance += fit.covariance.diagonal() * weight;
+                }
+            }
+        }
+        mean /= total;
+        step.errors += mean;
+        step.covariance /= total;
+        step.covariance -= mean * mean.transpose();
+        for (size, variance) in &mut step.biases {
+            *size /= total;
+            *variance /= total;
+        }
     }
 
     fn responses(&mut self) -> impl Iterator<Item = &mut Response<T>> {
@@ -235,52 +301,45 @@ impl<T: Scalar> ErrorListener<T, ERRORS> for BiasSteps<T> {
     }
 }
 
-impl<T: Scalar> Step<T> {
-    /// What it has made of the errors, and what they may have beside it: the covariance of the step, and that it may have begun at
-    /// any time up to the next instant.
-    fn errors(&self) -> (SVector<T, ERRORS>, SMatrix<T, ERRORS, ERRORS>) {
-        let late = (self.rows - self.rows_of_next) * self.size;
-        let spread = self.rows * self.covariance * self.rows.transpose();
-        let when = late * late.transpose() * lit::<T>(WHEN);
-        (self.rows * self.size, spread + when)
-    }
-}
-
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Something may change behind a position that was judged.
     pub(super) fn begin_bias_step(&mut self, time_ns: i64) {
         let steps = &mut self.memory.bias_steps;
-        steps.begin(time_ns);
+        steps.begin(time_ns, self.memory.noise_scale);
         steps.pause = steps.pause.saturating_sub(1);
     }
 
     /// Looks for a step at a position that is off, and goes on with it. Whether there is one.
     pub(super) fn take_bias_step(&mut self, time_ns: i64, update: &GnssPositionUpdate<T>) -> bool {
+        let parts = [&update.horizontal, &update.vertical];
         // Who does not agree after a step has another reason, and aligns again.
         if self.memory.bias_steps.pause > 0 {
             return false;
         }
         let c = &self.config;
         let prior = |std: T, drift: T| (std * std + drift * drift).sqrt() * lit(STEP);
+        let off = parts.map(|part| part.residual.norm_squared());
         let stds = [
             prior(c.gyroscope_bias_std, c.gyroscope_gauss_markov_std),
             prior(c.accelerometer_bias_std, c.accelerometer_gauss_markov_std),
+            (off[0] + off[1]).sqrt(),
         ];
-        let parts = [&update.horizontal, &update.vertical];
-        let off = parts.map(|part| part.residual.norm_squared());
-        let jump = (off[0] + off[1]).sqrt();
-        let Some(step) = self.memory.bias_steps.likeliest(stds, jump) else {
+        let Some(step) = self.memory.bias_steps.likeliest(&stds) else {
             return false;
         };
-        let (errors, covariance) = step.errors();
-        if !(errors.norm_squared().is_finite() && covariance.norm_squared().is_finite()) {
+        let finite = step.errors.norm_squared() + step.covariance.norm_squared();
+        if !finite.is_finite() {
             return false;
         }
         let side = &mut self.memory.side;
         self.filter
-            .shift(side, &errors, &covariance, &mut self.listener);
-        let sensor = usize::from(step.sensor == FaultySensor::Gyroscope);
-        self.memory.at_rest[sensor].shift(&step.size, &step.covariance);
+            .shift(side, &step.errors, &step.covariance, &mut self.listener);
+        let [rate, force] = &step.biases;
+        for (at_rest, (size, variance)) in self.memory.at_rest.iter_mut().zip([force, rate]) {
+            at_rest.shift(size, variance);
+        }
+        // What was learnt of the receiver since was the step.
+        self.memory.noise_scale = step.noise_scale;
         self.memory.bias_steps = BiasSteps {
             pause: PAUSE,
             ..BiasSteps::default()
@@ -291,7 +350,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             from_ns: step.since_ns,
             until_ns: time_ns,
             is_over: true,
-            size: step.size.norm(),
+            size: step.size,
         });
         true
     }

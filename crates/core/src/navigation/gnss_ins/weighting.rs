@@ -13,6 +13,7 @@ use crate::kalman::Innovation;
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::error_state::SparseMeasurement;
 use crate::navigation::error_state::sparse::{NOMINAL_NIS, Weighting};
+use crate::navigation::in_motion_alignment::bias_step::is_suspect;
 use crate::scalar::{Scalar, lit};
 
 /// Fixes that disagree, less twice those that agree, at which it aligns again, and ...
@@ -127,7 +128,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         } else {
             self.memory.disagreeing.saturating_sub(2)
         };
-        if disagrees && self.take_bias_step(time_ns, update) {
+        if is_suspect(nis, degrees) && self.take_bias_step(time_ns, update) {
             // Whether it was the reason the next fixes say.
             self.memory.disagreeing = 1;
         }

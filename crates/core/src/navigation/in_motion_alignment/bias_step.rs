@@ -26,7 +26,7 @@ pub(super) const UNSEEN_FIXES: u32 = LOOKED_AT as u32;
 /// Fixes before one is looked for.
 const FEWEST_FIXES: u32 = 6;
 /// Variance of a time within an interval at which it may have been, as a share of the squared interval.
-pub(in crate::navigation) const WHEN: f64 = 1.0 / 3.0;
+const WHEN: f64 = 1.0 / 3.0;
 /// Log evidence of a hypothesis whose numbers have failed.
 const FAILED: f64 = -1e30;
 /// The sensors that may have stepped.
@@ -58,12 +58,14 @@ impl<T: Scalar> Fit<T> {
     /// Whether the newest fix is off as one in ten is by chance.
     fn is_suspect(&self) -> bool {
         let [(position, _), (velocity, _), _] = &self.newest;
-        let off = |record: &Innovation<T>| {
-            let share = f64::from(record.degrees_of_freedom) / 3.0;
-            record.nis > lit(SUSPECT_NIS * share)
-        };
+        let off = |record: &Innovation<T>| is_suspect(record.nis, record.degrees_of_freedom);
         off(position) || off(velocity)
     }
+}
+
+/// Whether a NIS is one that one in ten has by chance.
+pub(in crate::navigation) fn is_suspect<T: Scalar>(nis: T, degrees_of_freedom: u8) -> bool {
+    nis > lit(SUSPECT_NIS * f64::from(degrees_of_freedom) / 3.0)
 }
 
 impl<T: Scalar> Estimate<T> {
