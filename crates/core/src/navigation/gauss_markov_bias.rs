@@ -30,6 +30,8 @@ pub(super) struct GaussMarkovBias<T> {
 pub(super) struct BiasAtRest<T: Scalar> {
     value: Vector3<T>,
     variance: Vector3<T>,
+    /// Whether a step of the bias has left it unknown.
+    has_stepped: bool,
 }
 
 impl<T: Scalar> BiasAtRest<T> {
@@ -39,13 +41,18 @@ impl<T: Scalar> BiasAtRest<T> {
 
     /// Known to these variances.
     pub(super) fn new(value: Vector3<T>, variance: Vector3<T>) -> Self {
-        Self { value, variance }
+        Self {
+            value,
+            variance,
+            has_stepped: false,
+        }
     }
 
     /// The bias has stepped: so has its value at rest, known to these variances.
     pub(super) fn shift(&mut self, step: &Vector3<T>, variances: &Vector3<T>) {
         self.value += step;
         self.variance += variances;
+        self.has_stepped = true;
     }
 
     /// Lets `dt` seconds pass for the bias whose errors are the states from `first` on.
@@ -68,8 +75,12 @@ impl<T: Scalar> BiasAtRest<T> {
             // The mean of many independent offsets (E29): one a correlation time.
             let one = covariance[(state, state)].max(T::zero()) + stationary;
             let gain = self.variance[i] / (self.variance[i] + one) * share.min(lit(1.0));
-            // Nor is it known worse than by the offset of now, whose deviation from it is stationary.
-            let gain = gain.max(T::one() - one / self.variance[i].max(one));
+            // Behind a step it is known no worse than by the offset of now, whose deviation from it is stationary.
+            let gain = if self.has_stepped {
+                gain.max(T::one() - one / self.variance[i].max(one))
+            } else {
+                gain
+            };
             let rest = self.value[i] + (bias[i] - self.value[i]) * gain;
             let left = self.variance[i] * (T::one() - gain) + settings.walk * settings.walk * dt;
             (self.value[i], self.variance[i]) = (rest, left);

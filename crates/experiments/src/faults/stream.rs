@@ -10,8 +10,8 @@ use crate::navigation_worlds::events;
 
 /// How long a world of attitude lasts, s: a fault after a third, and a minute and more after it.
 const ATTITUDE_S: f64 = 120.0;
-/// The same of navigation, s: an outage lasts longer.
-const NAVIGATION_S: f64 = 180.0;
+/// The same of navigation, s, of even and of odd numbers: a GNSS/INS is at the first third still in its alignment, or goes on alone.
+const NAVIGATION_S: [f64; 2] = [180.0, 420.0];
 /// So much of a recording is taken, s.
 const RECORDED_S: f64 = 180.0;
 /// Recordings that are shorter say nothing of the minute after a fault, s.
@@ -83,7 +83,8 @@ impl Stream {
     }
 
     fn navigation_world(seed: u64, number: u64) -> Self {
-        let world = NavigationWorld::draw_healthy(seed, number, NAVIGATION_S);
+        let length = NAVIGATION_S[(number % 2) as usize];
+        let world = NavigationWorld::draw_healthy(seed, number, length);
         let class = world.description.class.name();
         Self::simulated(
             number,

@@ -16,7 +16,7 @@ use crate::kalman::feedback::reset_rows;
 use crate::kalman::{ErrorPropagation, Innovation, ScalarCorrection};
 use crate::navigation::error_state::sparse::Row;
 use crate::navigation::in_motion_alignment::bias_step::{LEAST_GAIN, STEP};
-use crate::navigation::{ACCELEROMETER_BIAS, GYROSCOPE_BIAS, POSITION};
+use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION};
 use crate::scalar::{Scalar, lit};
 
 /// A change may have begun at one of so many fixes.
@@ -27,6 +27,8 @@ const PAUSE: u8 = 60;
 const WHEN: f64 = 1.0 / 12.0;
 /// Less likely by so much than the likeliest counts as none.
 const LEAST_WEIGHT: f64 = 1e-6;
+/// A step that has turned the attitude further (rad) is for the alignment: one linearisation says nothing of it.
+const LARGEST_TURN: f64 = 0.7;
 /// The sensors of the first two of them.
 const SENSORS: [FaultySensor; 2] = [FaultySensor::Gyroscope, FaultySensor::Accelerometer];
 /// What may change: the first of three states each.
@@ -65,6 +67,8 @@ pub(super) struct BiasSteps<T: Scalar> {
     instants: [Option<Since<T>>; INSTANTS],
     /// Fixes that are judged before the next one is looked for.
     pause: u8,
+    /// Whether a heading of which no error is estimated has been used since the last fix that was judged.
+    is_headed: bool,
 }
 
 impl<T: Scalar> Default for BiasSteps<T> {
@@ -72,6 +76,7 @@ impl<T: Scalar> Default for BiasSteps<T> {
         Self {
             instants: [None; INSTANTS],
             pause: 0,
+            is_headed: false,
         }
     }
 }
@@ -132,6 +137,18 @@ impl<T: Scalar> Response<T> {
 }
 
 impl<T: Scalar> BiasSteps<T> {
+    /// A heading was used as it was told: what disagrees may be the heading.
+    pub(super) fn headed(&mut self) {
+        self.is_headed = true;
+    }
+
+    /// The fixes have gone on to disagree: if a step was taken before, it was not the reason, and the next one would not be either.
+    pub(super) fn refuted(&mut self) {
+        if self.pause > 0 {
+            self.pause = u8::MAX;
+        }
+    }
+
     /// From now on nothing of before counts.
     pub(super) fn forget(&mut self) {
         self.instants = [None; INSTANTS];
@@ -208,11 +225,15 @@ impl<T: Scalar> BiasSteps<T> {
         });
         let (mut best, mut jumped) = (None, T::zero());
         for (k, of) in fits.iter().enumerate() {
+            // One position may be off by itself: a step is seen by two.
+            let seen_once = !self.instants.get(k + 1).is_some_and(Option::is_some);
             for (i, fit) in of.iter().enumerate() {
                 let Some(fit) = fit else { continue };
                 if i == JUMP {
                     jumped = jumped.max(fit.gain);
-                } else if best.is_none_or(|(.., before): (_, _, Fit<T>)| fit.gain > before.gain) {
+                } else if !seen_once
+                    && best.is_none_or(|(.., before): (_, _, Fit<T>)| fit.gain > before.gain)
+                {
                     best = Some((k, i, *fit));
                 }
             }
@@ -307,13 +328,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let steps = &mut self.memory.bias_steps;
         steps.begin(time_ns, self.memory.noise_scale);
         steps.pause = steps.pause.saturating_sub(1);
+        steps.is_headed = false;
     }
 
     /// Looks for a step at a position that is off, and goes on with it. Whether there is one.
     pub(super) fn take_bias_step(&mut self, time_ns: i64, update: &GnssPositionUpdate<T>) -> bool {
         let parts = [&update.horizontal, &update.vertical];
-        // Who does not agree after a step has another reason, and aligns again.
-        if self.memory.bias_steps.pause > 0 {
+        // Who does not agree after a step has another reason, and aligns again. So it may be where a heading is told.
+        if self.memory.bias_steps.pause > 0 || self.memory.bias_steps.is_headed {
             return false;
         }
         let c = &self.config;
@@ -327,8 +349,9 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let Some(step) = self.memory.bias_steps.likeliest(&stds) else {
             return false;
         };
-        let finite = step.errors.norm_squared() + step.covariance.norm_squared();
-        if !finite.is_finite() {
+        let sizes = step.errors.norm_squared() + step.covariance.norm_squared();
+        let turned = step.errors.fixed_rows::<3>(ATTITUDE).norm();
+        if !(sizes.is_finite() && turned < lit(LARGEST_TURN)) {
             return false;
         }
         let side = &mut self.memory.side;

@@ -45,6 +45,9 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             }
             Err(reason) => Innovation::skipped(reason),
         };
+        if innovation.outcome.is_fused() {
+            self.memory.bias_steps.headed();
+        }
         self.memory.counts[Aid::Heading as usize].count(&innovation);
         innovation
     }
@@ -90,6 +93,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let made = if self.memory.side.is_used(MAGNETIC_OFFSET) {
             magnetic_field::measurement(&then, &self.memory.side, field, declination, std)
         } else {
+            self.memory.bias_steps.headed();
             heading::magnetic(&then, field, declination, std * std)
         };
         if made.is_ok() {

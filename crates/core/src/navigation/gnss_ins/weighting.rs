@@ -144,6 +144,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         shares: ErrorShares<T>,
     ) {
         self.memory.realignments = self.memory.realignments.saturating_add(1);
+        self.memory.bias_steps.refuted();
         self.alignment.forget();
         self.alignment
             .begin_from(self.filter.state(), self.memory.noise_scale[0]);
