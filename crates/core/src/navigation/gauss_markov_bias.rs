@@ -52,7 +52,7 @@ impl<T: Scalar> BiasAtRest<T> {
     pub(super) fn shift(&mut self, step: &Vector3<T>, variances: &Vector3<T>) {
         self.value += step;
         self.variance += variances;
-        self.has_stepped = true;
+        self.has_stepped |= variances.max() > T::zero();
     }
 
     /// Lets `dt` seconds pass for the bias whose errors are the states from `first` on.

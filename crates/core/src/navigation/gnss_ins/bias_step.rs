@@ -29,10 +29,10 @@ const WHEN: f64 = 1.0 / 12.0;
 const LEAST_WEIGHT: f64 = 1e-6;
 /// A step that has turned the attitude further (rad) is for the alignment: one linearisation says nothing of it.
 const LARGEST_TURN: f64 = 0.7;
-/// The sensors of the first two of them.
-const SENSORS: [FaultySensor; 2] = [FaultySensor::Gyroscope, FaultySensor::Accelerometer];
 /// What may change: the first of three states each.
 const CHANGES: [usize; 3] = [GYROSCOPE_BIAS, ACCELEROMETER_BIAS, POSITION];
+/// The sensors of the first two of them.
+const SENSORS: [FaultySensor; 2] = [FaultySensor::Gyroscope, FaultySensor::Accelerometer];
 /// Which of them is a jump of the fixes: as seen from there, one of the position.
 const JUMP: usize = 2;
 
@@ -67,8 +67,8 @@ pub(super) struct BiasSteps<T: Scalar> {
     instants: [Option<Since<T>>; INSTANTS],
     /// Fixes that are judged before the next one is looked for.
     pause: u8,
-    /// Whether a heading of which no error is estimated has been used since the last fix that was judged.
-    is_headed: bool,
+    /// The same, behind a heading of which no error is estimated.
+    headed: u8,
 }
 
 impl<T: Scalar> Default for BiasSteps<T> {
@@ -76,7 +76,7 @@ impl<T: Scalar> Default for BiasSteps<T> {
         Self {
             instants: [None; INSTANTS],
             pause: 0,
-            is_headed: false,
+            headed: 0,
         }
     }
 }
@@ -139,7 +139,7 @@ impl<T: Scalar> Response<T> {
 impl<T: Scalar> BiasSteps<T> {
     /// A heading was used as it was told: what disagrees may be the heading.
     pub(super) fn headed(&mut self) {
-        self.is_headed = true;
+        self.headed = INSTANTS as u8;
     }
 
     /// The fixes have gone on to disagree: if a step was taken before, it was not the reason, and the next one would not be either.
@@ -328,14 +328,20 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let steps = &mut self.memory.bias_steps;
         steps.begin(time_ns, self.memory.noise_scale);
         steps.pause = steps.pause.saturating_sub(1);
-        steps.is_headed = false;
+        steps.headed = steps.headed.saturating_sub(1);
     }
 
     /// Looks for a step at a position that is off, and goes on with it. Whether there is one.
     pub(super) fn take_bias_step(&mut self, time_ns: i64, update: &GnssPositionUpdate<T>) -> bool {
         let parts = [&update.horizontal, &update.vertical];
         // Who does not agree after a step has another reason, and aligns again. So it may be where a heading is told.
-        if self.memory.bias_steps.pause > 0 || self.memory.bias_steps.is_headed {
+        if self
+            .memory
+            .bias_steps
+            .pause
+            .max(self.memory.bias_steps.headed)
+            > 0
+        {
             return false;
         }
         let c = &self.config;
@@ -365,7 +371,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.memory.noise_scale = step.noise_scale;
         self.memory.bias_steps = BiasSteps {
             pause: PAUSE,
-            ..BiasSteps::default()
+            headed: 0,
+            instants: [None; INSTANTS],
         };
         self.memory.faults.log.happened(Fault {
             sensor: step.sensor,
