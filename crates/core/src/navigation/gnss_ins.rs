@@ -47,6 +47,7 @@
 //!   [`Validity::HeadingUnknown`]. Nothing is taken to stand still or to point where it moves.
 //! - Fixes are weighed by how far they are off, and the receiver's noise is learnt. When fixes disagree for long it aligns
 //!   again ([`GnssIns::realignments`]).
+//! - A bias that steps is found by what the fixes say of it, goes into the state and is told ([`GnssIns::take_fault`]).
 //! - A gap of inertial samples of up to 10 s is gone over by what the motion before was like (`docs/derivations/faults.md`, section 8); after a
 //!   longer one it starts again.
 //! - In an outage its variance grows, and [`GnssIns::validity`] says when to stop believing it. A covariance that is no

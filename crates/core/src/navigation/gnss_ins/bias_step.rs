@@ -142,6 +142,11 @@ impl<T: Scalar> BiasSteps<T> {
         self.headed = INSTANTS as u8;
     }
 
+    /// Whether what disagrees now has another reason: it does so soon after a step, or a heading is told.
+    fn has_another_reason(&self) -> bool {
+        self.pause > 0 || self.headed > 0
+    }
+
     /// The fixes have gone on to disagree: if a step was taken before, it was not the reason, and the next one would not be either.
     pub(super) fn refuted(&mut self) {
         if self.pause > 0 {
@@ -334,14 +339,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Looks for a step at a position that is off, and goes on with it. Whether there is one.
     pub(super) fn take_bias_step(&mut self, time_ns: i64, update: &GnssPositionUpdate<T>) -> bool {
         let parts = [&update.horizontal, &update.vertical];
-        // Who does not agree after a step has another reason, and aligns again. So it may be where a heading is told.
-        if self
-            .memory
-            .bias_steps
-            .pause
-            .max(self.memory.bias_steps.headed)
-            > 0
-        {
+        if self.memory.bias_steps.has_another_reason() {
             return false;
         }
         let c = &self.config;

@@ -30,10 +30,16 @@ fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
+/// From this second on the errors are at most so many times those without a step.
+fn assert_recovered(errors: &[f64], second: usize, most: f64) {
+    let (clean, ..) = with_biases([Vector3::zeros(); 2]);
+    let [with, without] = [errors, &clean].map(|errors| rms(&errors[second..]));
+    assert!(with < most * without, "{with} {without}");
+}
+
 #[test]
 fn a_step_of_the_gyroscope_is_found_and_learnt_without_aligning_again() {
     let bias = Vector3::new(0.03, -0.03, 0.026);
-    let (clean, ..) = with_biases([Vector3::zeros(); 2]);
     let (errors, ins, found) = with_biases([bias, Vector3::zeros()]);
     let step = found.first().unwrap();
     assert_eq!(step.sensor, FaultySensor::Gyroscope);
@@ -51,29 +57,18 @@ fn a_step_of_the_gyroscope_is_found_and_learnt_without_aligning_again() {
         .map(f64::sqrt);
     assert!(off.component_div(&std).amax() < 2.0, "{off} {std}");
     assert!(off.norm() < 0.012, "{off}");
-    assert!(
-        rms(&errors[88..]) < 1.5 * rms(&clean[88..]),
-        "{} {}",
-        rms(&errors[88..]),
-        rms(&clean[88..])
-    );
+    assert_recovered(&errors, 88, 1.5);
 }
 
 #[test]
 fn a_step_of_the_accelerometer_is_found_and_learnt() {
     let bias = Vector3::new(0.3, 0.4, 0.0);
-    let (clean, ..) = with_biases([Vector3::zeros(); 2]);
     let (errors, ins, found) = with_biases([Vector3::zeros(), bias]);
     assert!(found.first().unwrap().until_ns <= 86_000_000_000);
     let state = ins.state().unwrap();
     assert!((state.accelerometer_bias - bias).xy().norm() < 0.1);
     assert!(state.gyroscope_bias.norm() < 0.003);
-    assert!(
-        rms(&errors[90..]) < 1.3 * rms(&clean[90..]),
-        "{} {}",
-        rms(&errors[90..]),
-        rms(&clean[90..])
-    );
+    assert_recovered(&errors, 90, 1.3);
 }
 
 #[test]
