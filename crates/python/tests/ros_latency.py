@@ -21,8 +21,7 @@ def main(program: str, seconds: float = 60.0) -> None:
         imu = peer.writer("imu/data_raw", ros.Imu, ros.BEST_EFFORT)
         fix = peer.writer("fix", ros.NavSatFix, ros.BEST_EFFORT)
         reader = peer.reader("imu/data", ros.Imu)
-        ros.matched(running, imu)
-        ros.matched(running, fix)
+        ros.matched(running, peer)
         sent: dict[int, float] = {}
         took: dict[int, float] = {}
 

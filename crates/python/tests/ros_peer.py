@@ -263,6 +263,8 @@ class Peer:
         self.participant = DomainParticipant(domain)
         self.namespace = namespace
         self.services = {}
+        self.writers = []
+        self.readers = []
 
     def _topic(self, name, kind, qos):
         full = name if name.startswith("/") else f"{self.namespace}/{name}"
@@ -292,21 +294,31 @@ class Peer:
         raise AssertionError(f"{service} does not answer")
 
     def writer(self, name, kind, qos=RELIABLE):
-        return DataWriter(self.participant, self._topic(name, kind, qos), qos=qos)
+        self.writers.append(DataWriter(self.participant, self._topic(name, kind, qos), qos=qos))
+        return self.writers[-1]
 
     def reader(self, name, kind, qos=RELIABLE):
-        return DataReader(self.participant, self._topic(name, kind, qos), qos=qos)
+        self.readers.append(DataReader(self.participant, self._topic(name, kind, qos), qos=qos))
+        return self.readers[-1]
+
+    def is_matched(self):
+        """Whether each writer has a subscription and each reader a publication."""
+        return all(writer.get_matched_subscriptions() for writer in self.writers) and all(
+            reader.get_matched_publications() for reader in self.readers
+        )
 
 
-def matched(node, writer, seconds=15.0):
-    """Waits until a node listens to a writer."""
+def matched(node, peer, seconds=15.0):
+    """Waits until a peer and a node have found each other: what is sent before is lost.
+
+    Of the peer's ends each is asked. The node finds the peer's by itself, and cannot be asked: that wait is by the clock.
+    """
     until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if len(writer.get_matched_subscriptions()) > 0:
-            return
+    while not peer.is_matched():
         assert node.process.poll() is None, node.process.communicate()
+        assert time.monotonic() < until, "nobody listens, or nobody writes"
         time.sleep(0.02)
-    raise AssertionError("nobody listens")
+    time.sleep(0.5)
 
 
 class Node:

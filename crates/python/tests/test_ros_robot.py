@@ -38,8 +38,7 @@ FRAMES = ros.TFMessage([
 def standing(peer: ros.Peer, running: ros.Node, seconds: float, collected: Collected, first_ns: int = 10**18) -> None:
     """A robot that stands: an Imu on its side, 100 Hz, and fixes at 5 Hz, three times as fast as it is."""
     imu, fix = peer.writer("imu/data_raw", ros.Imu), peer.writer("fix", ros.NavSatFix)
-    for writer in (imu, fix):
-        ros.matched(running, writer)
+    ros.matched(running, peer)
     for step in range(int(seconds * 100)):
         time_ns = first_ns + step * 10_000_000
         if step % 20 == 0:
@@ -94,8 +93,7 @@ def test_a_barometer_is_heard(drive: Samples, domain: int) -> None:
         collected = Collected(state=peer.reader("/diagnostics", ros.DiagnosticArray))
         imu, fix = peer.writer("imu/data_raw", ros.Imu), peer.writer("fix", ros.NavSatFix)
         pressure = peer.writer("pressure", ros.FluidPressure)
-        for writer in (imu, fix, pressure):
-            ros.matched(running, writer)
+        ros.matched(running, peer)
         fixes = dict(drive["fix"])
         for step, (time_ns, v) in enumerate(drive["imu"][:1000]):
             if found := fixes.get(time_ns + 3_000_000):
@@ -119,7 +117,7 @@ def test_parameters_are_set_while_the_node_runs_and_bad_ones_are_refused(domain:
         peer = ros.Peer(domain)
         collected = Collected(imu=peer.reader("imu/data", ros.Imu))
         imu = peer.writer("imu/data_raw", ros.Imu)
-        ros.matched(running, imu)
+        ros.matched(running, peer)
 
         def lies(first_ns: int) -> Any:
             collected.messages["imu"].clear()
@@ -162,8 +160,7 @@ def test_of_a_minute_of_samples_none_is_lost(domain: int) -> None:
         peer = ros.Peer(domain)
         imu = peer.writer("imu/data_raw", ros.Imu, ros.BEST_EFFORT)
         fix = peer.writer("fix", ros.NavSatFix, ros.BEST_EFFORT)
-        for writer in (imu, fix):
-            ros.matched(running, writer)
+        ros.matched(running, peer)
         begin = time.monotonic()
         for step in range(6000):
             time.sleep(max(0.0, begin + 0.002 * step - time.monotonic()))
