@@ -1,6 +1,6 @@
 //! Biases that step while the filter goes on alone.
 
-use super::faults::with_faults;
+use super::faults::{with_faults, with_faults_and_headings};
 use super::*;
 use crate::faults::{Fault, FaultKind, FaultySensor};
 
@@ -75,4 +75,22 @@ fn a_step_of_the_accelerometer_is_found_and_learnt() {
 fn without_a_step_none_is_found() {
     let (_, _, found) = with_biases([Vector3::zeros(); 2]);
     assert_eq!(found, []);
+}
+
+/// Where a heading is used as it is told, what disagrees may be the heading (iron beside a magnetometer): no step is claimed, not even a true one,
+/// which the heading makes known by itself.
+#[test]
+fn beside_a_heading_that_is_used_as_told_no_step_is_claimed() {
+    let bias = Vector3::new(0.03, -0.03, 0.026);
+    let stepped = |t: f64, rate: &mut Vector3<f64>, _: &mut Vector3<f64>| {
+        if t >= STEPPED_S {
+            *rate += bias;
+        }
+    };
+    let (_, mut ins) = with_faults_and_headings(stepped, Some(0.05));
+    let found = core::iter::from_fn(|| ins.take_fault());
+    let kinds: std::vec::Vec<_> = found.map(|fault| fault.kind).collect();
+    assert!(!kinds.contains(&FaultKind::BiasStep), "{kinds:?}");
+    let off = ins.state().unwrap().gyroscope_bias - bias;
+    assert!(off.norm() < 0.02, "{off}");
 }

@@ -44,7 +44,15 @@ fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
 
 /// Drives for two minutes; `faulty` changes rate and force at an instant (s), a rate that is none is one that does not come. Horizontal errors at each second.
 pub(super) fn with_faults(
+    faulty: impl FnMut(f64, &mut Vector3<f64>, &mut Vector3<f64>),
+) -> (std::vec::Vec<f64>, GnssIns<f64, 64>) {
+    with_faults_and_headings(faulty, None)
+}
+
+/// The same, with a heading of this standard deviation (rad) beside every fix.
+pub(super) fn with_faults_and_headings(
     mut faulty: impl FnMut(f64, &mut Vector3<f64>, &mut Vector3<f64>),
+    heading_std: Option<f64>,
 ) -> (std::vec::Vec<f64>, GnssIns<f64, 64>) {
     use rand::{RngExt, SeedableRng};
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(11);
@@ -67,6 +75,9 @@ pub(super) fn with_faults(
         if k % 100 == 0 {
             let off = ins.state().map(|state| state.position - motion.position);
             errors.push(off.map_or(f64::NAN, |off| off.xy().norm()));
+            if let Some(std) = heading_std {
+                ins.heading(time_ns, motion.heading, std);
+            }
             let fix = GnssPosition {
                 ned: motion.position + noise(0.3),
                 std: Vector3::repeat(0.3),
