@@ -123,11 +123,11 @@ class Viewer:
         return answers[0]
 
     def whole(self) -> None:
-        """Plays everything after the first instant, fast."""
+        """Plays everything after the first instant, fast, but not faster than a viewer of Python keeps up with: then the oldest are dropped."""
         self.control(play=False, seek_ns=0)
         self.quiet()
         self.messages.clear()
-        self.control(play=True, speed=20.0)
+        self.control(play=True, speed=10.0)
         self.until(lambda: self.states[-1].status == ENDED, 60.0)
         self.quiet()
 
