@@ -51,11 +51,13 @@
 //! all 22 states. Limits: it starts with the field that it finds; without magnetometer the heading
 //! drifts with what is not known of the bias.
 
+mod bias_prior;
 pub mod config;
 mod field_quality;
 pub mod layout;
 pub mod propagation;
 pub mod rest;
+mod schmidt;
 pub mod speed_hypotheses;
 mod state;
 pub mod steps;

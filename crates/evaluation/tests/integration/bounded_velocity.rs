@@ -89,6 +89,7 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         hand_velocity_std: 1e4,
         drifting_bias_weight: 0.0,
         rest_bias_doubt: 0.0,
+        gyroscope_bias_freedom: 0.0,
         rest_slow_motion_gain: 0.0,
         rest_smoothing_s: 1e-6,
         ..BoundedVelocityConfig::lab()

@@ -54,6 +54,9 @@ parameters! {
         "the same where there is no magnetometer",
         "0.5 deg/s: there nothing but a rest shows the bias about the vertical. Raising it learns large biases sooner",
         "and lets the heading drift further; a calibration at rest says better.";
+    gyroscope_bias_freedom: T, "-", From(0.0, 1e6), [0.25],
+        "degrees of freedom of the standard deviation that is assumed of the bias; 0 takes it as it is",
+        "Where no rest measured the bias, the axes that show theirs say how large those of this gyroscope are. Raising it keeps nearer to what was assumed.";
     scale_states: ScaleStates, "-", Words(ScaleStates::WORDS), [ScaleStates::Full],
         "which errors of the gyroscope's scale are estimated";
     initial_scale_std: T, "-", From(0.0, 1e6), [0.004],

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
+use super::bias_prior::BiasPrior;
 use super::config::{BoundedVelocityConfig, ScaleStates};
 use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
 use super::propagation::Sums;
@@ -73,6 +74,7 @@ pub struct BoundedVelocityState<T: Scalar> {
     pub velocity_noise: VelocityNoise<T>,
     /// How fast that is.
     pub speed_hypotheses: SpeedHypotheses<T>,
+    pub(super) bias_prior: BiasPrior<T>,
     /// By how much the last field's strength and dip raised its variance: one is perfect.
     pub field_variance_factor: T,
     /// Weight of the last field under Student's t: one fits.
@@ -130,6 +132,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
         finite("sums", self.sums.numbers())?;
         finite("rest", self.rest.numbers())?;
         finite("velocity_noise", self.velocity_noise.numbers())?;
+        not_negative("bias_prior", self.bias_prior.numbers())?;
         finite("speed_hypotheses", self.speed_hypotheses.numbers())?;
         let valid = self.speed_hypotheses.is_valid();
         expect("speed_hypotheses", valid, "the number of a hypothesis")?;
@@ -169,6 +172,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             gyroscope_noise_psd: zero,
             velocity_noise: VelocityNoise::new(config),
             speed_hypotheses: SpeedHypotheses::new(config, zero, zero),
+            bias_prior: BiasPrior::none(),
             field_variance_factor: T::one(),
             field_weight: T::one(),
             angular_rate: Vector3::zeros(),
@@ -214,16 +218,22 @@ impl<T: Scalar> BoundedVelocityState<T> {
         let field = references
             .magnetic_field
             .map(|field| level_from_ref * field);
-        let mut bias_std = initial.gyroscope_bias_std;
-        match field {
+        let assumed = match field {
             Some(level) => {
                 state.has_field = true;
                 state.initial_field_strength_ut = level.norm();
                 state.field_ut = Vector2::new(level.xy().norm(), -level.z);
+                config.initial_gyroscope_bias_std
             }
-            None => {
-                bias_std = bias_std.min(config.initial_gyroscope_bias_without_magnetometer_std);
-            }
+            None => config.initial_gyroscope_bias_without_magnetometer_std,
+        };
+        let mut bias_std = initial.gyroscope_bias_std;
+        if !state.has_field {
+            bias_std = bias_std.min(assumed);
+        }
+        // What a rest measured is known better than that.
+        if bias_std >= assumed {
+            state.bias_prior = BiasPrior::assumed(bias_std * bias_std);
         }
         state.layout = Layout::new(config, state.has_field);
         state.covariance = Covariance::zeros();
@@ -307,6 +317,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
         resumed: &Resumed<T>,
     ) {
         self.learn_again(&resumed.learnt);
+        self.bias_prior = BiasPrior::none();
         self.gyroscope_bias = initial.gyroscope_bias;
         self.initial_bias = initial.gyroscope_bias;
         for i in BIAS..BIAS + 3 {
@@ -329,6 +340,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
     /// Adds the variance of a bias that may be off by `step` (rad/s) in one direction or the other, and has turned the attitude unseen
     /// for `time` s.
     pub(super) fn doubt_bias(&mut self, step: &Vector3<T>, time: T) {
+        self.bias_prior = BiasPrior::none();
         let turned = self.level_from_body * step * -time;
         let both = turned * step.transpose();
         let p = &mut self.covariance;

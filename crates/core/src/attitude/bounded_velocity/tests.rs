@@ -1,5 +1,6 @@
 //! What is learnt, what grows, frames, blocks, rates; beside them Jacobians and robustness.
 
+mod gyroscope_bias;
 mod jacobians;
 mod robustness;
 
@@ -493,7 +494,10 @@ fn a_bias_of_the_accelerometer_widens_what_is_stated_of_the_tilt_alone() {
 #[test]
 fn a_rest_tells_the_bias() {
     let run = |moving: f64| {
-        let mut f = filter(BoundedVelocityConfig::<f64>::lab());
+        let mut f = filter(BoundedVelocityConfig {
+            gyroscope_bias_freedom: 0.0,
+            ..BoundedVelocityConfig::<f64>::lab()
+        });
         for k in 0..1000 {
             let shake = Vector3::new(moving * (f64::from(k) * 0.07).sin(), 0.0, 0.0);
             f.propagate(&(test_world::BIAS + shake), 0.01);

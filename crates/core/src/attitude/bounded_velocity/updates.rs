@@ -6,6 +6,7 @@
 use nalgebra::{Matrix2, Matrix3, Vector1, Vector2, Vector3};
 
 use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
+use super::schmidt::consider_bias_about;
 use super::steps::{Moment, Step, StepObserver};
 use super::{BoundedVelocity, BoundedVelocityConfig, BoundedVelocityState, field_quality};
 use crate::attitude::CompassHeading;
@@ -104,6 +105,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let state = &mut self.state;
         let time = state.since_velocity_update;
         let psd = Self::velocity_psd(config, state, stands.map(|(_, motion)| motion));
+        let lasts = psd > Self::psd_of_hand(config, state);
         let variance = psd / time;
         let residual = -state.velocity;
         let (active, p) = (state.layout.len(), &mut state.covariance);
@@ -111,12 +113,24 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let rows = [VELOCITY, VELOCITY + 1].map(SparseRow::of_state);
         let projection = Projection::new(p, active, rows);
         let innovation = velocity_innovation(&residual, &projection.predicted, variance);
+        let bias_covariance = p.fixed_view::<3, 3>(BIAS, BIAS).into_owned();
         let mut done = projection.fuse(p, &mut x, &residual, variance);
+        if lasts && !state.has_field {
+            let up = state.level_from_body.inverse() * Vector3::z();
+            consider_bias_about(&up, &bias_covariance, p, &mut x);
+        }
         if let Some((turn_psd, _)) = slow {
             let still = state.rate_sum / time - state.gyroscope_bias;
             let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
             let projection = Projection::new(p, active, rows);
             done = projection.fuse(p, &mut x, &still, (white + turn_psd) / time) && done;
+        }
+        let off = state.initial_bias - state.gyroscope_bias;
+        let known = p.fixed_view::<3, 3>(BIAS, BIAS).into_owned();
+        if let Some(variance) = state.bias_prior.narrow(config, &off, &known, time) {
+            let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
+            let projection = Projection::new(p, active, rows);
+            done = projection.fuse(p, &mut x, &off, variance) && done;
         }
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();
@@ -167,6 +181,12 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         }
     }
 
+    /// Noise of `velocity is zero` of a hand (B11).
+    #[inline]
+    fn psd_of_hand(config: &BoundedVelocityConfig<T>, state: &BoundedVelocityState<T>) -> T {
+        config.velocity_psd + config.velocity_psd_gain * state.mean_square_acceleration
+    }
+
     /// Noise of `velocity is zero` (B11 to B11c), at rest with what may move all the same (B14).
     #[inline]
     fn velocity_psd(
@@ -174,8 +194,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         state: &mut BoundedVelocityState<T>,
         at_rest: Option<T>,
     ) -> T {
-        let of_hand =
-            config.velocity_psd + config.velocity_psd_gain * state.mean_square_acceleration;
+        let of_hand = Self::psd_of_hand(config, state);
         if let Some(motion) = at_rest {
             state.velocity_noise.rest();
             let psd = of_hand.max(state.velocity_noise.psd());

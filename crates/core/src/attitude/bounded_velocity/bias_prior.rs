@@ -1,0 +1,121 @@
+//! How large the biases of this gyroscope are, learnt from the axes that show theirs (B14e, B14f).
+//!
+//! Without a magnetometer only a rest shows the bias about the vertical; what is assumed of it decides how far the heading
+//! drifts. The three axes of a gyroscope are made alike.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::config::BoundedVelocityConfig;
+use crate::scalar::{Scalar, lit};
+
+/// So often it is looked at, s.
+const INTERVAL_S: f64 = 1.0;
+
+/// The prior of the gyroscope bias.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct BiasPrior<T: Scalar> {
+    /// Variance of an axis that was assumed at the start, (rad/s)^2; zero where the bias is known otherwise.
+    initial: T,
+    /// The one that is in the covariance now, (rad/s)^2.
+    held: T,
+    /// Time since it was looked at, s.
+    since: T,
+}
+
+impl<T: Scalar> BiasPrior<T> {
+    /// Of a bias of which nothing but this variance of an axis is known.
+    pub(super) fn assumed(variance: T) -> Self {
+        Self {
+            initial: variance,
+            held: variance,
+            since: T::zero(),
+        }
+    }
+
+    /// Of a bias that was measured, or has stepped.
+    pub(super) fn none() -> Self {
+        Self::assumed(T::zero())
+    }
+
+    pub(super) fn numbers(&self) -> [&T; 3] {
+        [&self.initial, &self.held, &self.since]
+    }
+
+    /// Variance of the measurement "the bias is `off` from what it is", `off` being where it was at the start, after which
+    /// the prior is as narrow as the estimates say (B14f). `None` where they do not say that it is narrower, or it was
+    /// looked at not long ago.
+    #[inline]
+    pub(super) fn narrow(
+        &mut self,
+        config: &BoundedVelocityConfig<T>,
+        off: &Vector3<T>,
+        covariance: &Matrix3<T>,
+        dt: T,
+    ) -> Option<T> {
+        self.since += dt;
+        let freedom = config.gyroscope_bias_freedom;
+        // To the nearest step, however it is rounded.
+        let due = self.since + dt * lit(0.5) >= lit(INTERVAL_S);
+        if !due || self.initial <= T::zero() || freedom <= T::zero() {
+            return None;
+        }
+        self.since = T::zero();
+        let squares = off.norm_squared() + covariance.trace();
+        let variance = (freedom * self.initial + squares) / (freedom + lit(3.0));
+        if !(variance > T::zero() && variance < self.held) {
+            return None;
+        }
+        let measurement = variance * self.held / (self.held - variance);
+        self.held = variance;
+        measurement.is_finite().then_some(measurement)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INITIAL: f64 = 1e-4;
+
+    /// The variance in the end, of biases of which the first `seen` show.
+    fn learnt(bias: [f64; 3], seen: usize) -> f64 {
+        let config = BoundedVelocityConfig::<f64>::hand_held();
+        let mut prior = BiasPrior::assumed(INITIAL);
+        let mut precision = 1.0 / INITIAL;
+        for _ in 0..50 {
+            let unseen = 1.0 / precision;
+            let of = |i: usize| if i < seen { 0.0 } else { unseen };
+            let covariance = Matrix3::from_diagonal(&Vector3::new(of(0), of(1), of(2)));
+            let shown = Vector3::from_fn(|i, _| if i < seen { bias[i] } else { 0.0 });
+            if let Some(variance) = prior.narrow(&config, &shown, &covariance, 1.0) {
+                precision += 1.0 / variance;
+            }
+            assert!((precision * prior.held - 1.0).abs() < 1e-9);
+        }
+        1.0 / precision
+    }
+
+    #[test]
+    fn what_two_axes_show_is_what_the_third_is_expected_to_be() {
+        assert!((learnt([0.0; 3], 0) / INITIAL - 1.0).abs() < 1e-9);
+        let freedom = BoundedVelocityConfig::<f64>::hand_held().gyroscope_bias_freedom;
+        let bias = [1e-3, -3e-3, 5e-3];
+        let expected = (freedom * INITIAL + 1e-5) / (freedom + 2.0);
+        let found = learnt(bias, 2);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+        // Larger than assumed: the prior stays.
+        assert!((learnt([0.03, 0.0, 0.0], 2) / INITIAL - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_was_measured_has_no_prior() {
+        let config = BoundedVelocityConfig::<f64>::hand_held();
+        let zero = Vector3::zeros();
+        let covariance = Matrix3::identity() * 1e-8;
+        for mut prior in [BiasPrior::none(), BiasPrior::assumed(INITIAL)] {
+            let variance = prior.narrow(&config, &zero, &covariance, 2.0);
+            assert_eq!(variance.is_some(), prior.initial > 0.0);
+        }
+    }
+}
