@@ -1,4 +1,4 @@
-//! How large the biases of this gyroscope are, learnt from the axes that show theirs (B14e, B14f).
+//! How large the biases of this gyroscope are, learnt from the axes that show theirs (B12c, B12d).
 //!
 //! Without a magnetometer only a rest shows the bias about the vertical; what is assumed of it decides how far the heading
 //! drifts. The three axes of a gyroscope are made alike.
@@ -43,7 +43,7 @@ impl<T: Scalar> BiasPrior<T> {
     }
 
     /// Variance of the measurement "the bias is `off` from what it is", `off` being where it was at the start, after which
-    /// the prior is as narrow as the estimates say (B14f). `None` where they do not say that it is narrower, or it was
+    /// the prior is as narrow as the estimates say (B12d). `None` where they do not say that it is narrower, or it was
     /// looked at not long ago.
     #[inline]
     pub(super) fn narrow(
