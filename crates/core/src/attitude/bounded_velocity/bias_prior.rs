@@ -11,64 +11,101 @@ use crate::scalar::{Scalar, lit};
 /// So often it is looked at, s.
 const INTERVAL_S: f64 = 1.0;
 
-/// The prior of the gyroscope bias.
+/// The prior of a gyroscope bias of which nothing is known but about how large it is: zero, with a variance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct BiasPrior<T: Scalar> {
     /// Variance of an axis that was assumed at the start, (rad/s)^2; zero where the bias is known otherwise.
     initial: T,
-    /// The one that is in the covariance now, (rad/s)^2.
+    /// The one that is in the covariance now, or will be with all three axes, (rad/s)^2.
     held: T,
     /// Time since it was looked at, s.
     since: T,
+    /// Variance of the measurement that is under way, (rad/s)^2, and the axes that it has yet to come to.
+    measurement: T,
+    axes_left: u8,
+}
+
+/// The bias about one axis is zero: a measurement for the filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Narrowing<T: Scalar> {
+    pub(super) axis: usize,
+    /// What the bias is off from zero, rad/s.
+    pub(super) residual: T,
+    /// (rad/s)^2
+    pub(super) variance: T,
 }
 
 impl<T: Scalar> BiasPrior<T> {
-    /// Of a bias of which nothing but this variance of an axis is known.
+    /// Zero, with this variance of an axis.
     pub(super) fn assumed(variance: T) -> Self {
         Self {
             initial: variance,
             held: variance,
             since: T::zero(),
+            measurement: T::zero(),
+            axes_left: 0,
         }
     }
 
-    /// Of a bias that was measured, or has stepped.
+    /// Of a bias that was measured, learnt before a new start, or has stepped.
     pub(super) fn none() -> Self {
         Self::assumed(T::zero())
     }
 
-    pub(super) fn numbers(&self) -> [&T; 3] {
-        [&self.initial, &self.held, &self.since]
+    pub(super) fn numbers(&self) -> [&T; 4] {
+        [&self.initial, &self.held, &self.since, &self.measurement]
     }
 
-    /// Variance of the measurement "the bias is `off` from what it is", `off` being where it was at the start, after which
-    /// the prior is as narrow as the estimates say (B12d). `None` where they do not say that it is narrower, or it was
-    /// looked at not long ago.
+    /// What makes the prior as narrow as the estimates say (B12d), one axis a step: a chip has time for no more. `None` where
+    /// they do not say that it is narrower, or it was looked at not long ago. `bias` is the estimate, `dt` since the last call.
     #[inline]
     pub(super) fn narrow(
         &mut self,
         config: &BoundedVelocityConfig<T>,
-        off: &Vector3<T>,
+        bias: &Vector3<T>,
         covariance: &Matrix3<T>,
         dt: T,
-    ) -> Option<T> {
+    ) -> Option<Narrowing<T>> {
         self.since += dt;
+        if self.axes_left == 0 {
+            self.look(config, bias, covariance, dt);
+        }
+        self.axes_left = self.axes_left.checked_sub(1)?;
+        let axis = usize::from(self.axes_left);
+        Some(Narrowing {
+            axis,
+            residual: -*bias.as_slice().get(axis)?,
+            variance: self.measurement,
+        })
+    }
+
+    /// How large the biases are (B12c), where it is time to look.
+    fn look(
+        &mut self,
+        config: &BoundedVelocityConfig<T>,
+        bias: &Vector3<T>,
+        covariance: &Matrix3<T>,
+        dt: T,
+    ) {
         let freedom = config.gyroscope_bias_freedom;
         // To the nearest step, however it is rounded.
         let due = self.since + dt * lit(0.5) >= lit(INTERVAL_S);
         if !due || self.initial <= T::zero() || freedom <= T::zero() {
-            return None;
+            return;
         }
         self.since = T::zero();
-        let squares = off.norm_squared() + covariance.trace();
+        let squares = bias.norm_squared() + covariance.trace();
         let variance = (freedom * self.initial + squares) / (freedom + lit(3.0));
         if !(variance > T::zero() && variance < self.held) {
-            return None;
+            return;
         }
         let measurement = variance * self.held / (self.held - variance);
-        self.held = variance;
-        measurement.is_finite().then_some(measurement)
+        if measurement.is_finite() {
+            self.held = variance;
+            self.measurement = measurement;
+            self.axes_left = 3;
+        }
     }
 }
 
@@ -84,12 +121,25 @@ mod tests {
         let mut prior = BiasPrior::assumed(INITIAL);
         let mut precision = 1.0 / INITIAL;
         for _ in 0..50 {
+            assert_eq!(prior.axes_left, 0);
             let unseen = 1.0 / precision;
             let of = |i: usize| if i < seen { 0.0 } else { unseen };
             let covariance = Matrix3::from_diagonal(&Vector3::new(of(0), of(1), of(2)));
             let shown = Vector3::from_fn(|i, _| if i < seen { bias[i] } else { 0.0 });
-            if let Some(variance) = prior.narrow(&config, &shown, &covariance, 1.0) {
-                precision += 1.0 / variance;
+            if let Some(first) = prior.narrow(&config, &shown, &covariance, 1.0) {
+                precision += 1.0 / first.variance;
+                for axis in [1, 0] {
+                    let next = prior.narrow(&config, &shown, &covariance, 0.02).unwrap();
+                    let residual = -shown[axis];
+                    assert_eq!(
+                        next,
+                        Narrowing {
+                            axis,
+                            residual,
+                            ..first
+                        }
+                    );
+                }
             }
             assert!((precision * prior.held - 1.0).abs() < 1e-9);
         }

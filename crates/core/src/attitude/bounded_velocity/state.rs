@@ -231,8 +231,8 @@ impl<T: Scalar> BoundedVelocityState<T> {
         if !state.has_field {
             bias_std = bias_std.min(assumed);
         }
-        // What a rest measured is known better than that.
-        if bias_std >= assumed {
+        // Otherwise a rest measured it, or it was learnt before this start.
+        if bias_std >= assumed && initial.gyroscope_bias == Vector3::zeros() {
             state.bias_prior = BiasPrior::assumed(bias_std * bias_std);
         }
         state.layout = Layout::new(config, state.has_field);

@@ -91,6 +91,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     /// (B13).
     fn update_velocity(&mut self) -> Innovation<T> {
         self.propagate_covariance();
+        let looks = self.state.speed_hypotheses.is_due();
         self.look_at_the_speed();
         let slow = (self.state.rest.is_resting())
             .then(|| (self.state.rest).slow_motion_psd(&self.config, self.state.gravity));
@@ -125,12 +126,15 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             let projection = Projection::new(p, active, rows);
             done = projection.fuse(p, &mut x, &still, (white + turn_psd) / time) && done;
         }
-        let off = state.initial_bias - state.gyroscope_bias;
-        let known = p.fixed_view::<3, 3>(BIAS, BIAS).into_owned();
-        if let Some(variance) = state.bias_prior.narrow(config, &off, &known, time) {
-            let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
-            let projection = Projection::new(p, active, rows);
-            done = projection.fuse(p, &mut x, &off, variance) && done;
+        if !looks {
+            let known = p.fixed_view::<3, 3>(BIAS, BIAS).into_owned();
+            let bias = &state.gyroscope_bias;
+            if let Some(zero) = state.bias_prior.narrow(config, bias, &known, time) {
+                let row = SparseRow::of_state(BIAS + zero.axis);
+                let residual = Vector1::new(zero.residual);
+                done = Projection::new(p, active, [row]).fuse(p, &mut x, &residual, zero.variance)
+                    && done;
+            }
         }
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();
