@@ -19,6 +19,19 @@ pub(crate) fn to_f64<T: Scalar>(x: T) -> f64 {
     nalgebra::try_convert(x).unwrap_or(0.0)
 }
 
+/// The lesser of two numbers, as [`RealField::min`] has it. That one minds what is not a number, which costs five instructions
+/// instead of one; these two are for where every sample passes and everything is finite.
+#[inline(always)]
+pub(crate) fn lesser<T: Scalar>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+/// The greater of two finite numbers: see [`lesser`].
+#[inline(always)]
+pub(crate) fn greater<T: Scalar>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
+
 /// Seconds from one stamp (ns) to another.
 #[inline]
 pub(crate) fn seconds<T: Scalar>(from_ns: i64, to_ns: i64) -> T {

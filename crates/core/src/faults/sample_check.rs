@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 use self::noise::WhiteNoise;
 
-use crate::scalar::{Scalar, lit, seconds};
+use crate::scalar::{Scalar, greater, lesser, lit, seconds};
 
 /// So many usual changes (root mean square) away is far.
 const FAR: f64 = 12.0;
@@ -284,7 +284,7 @@ impl<T: Scalar> SampleCheck<T> {
         let change2 = change.norm_squared();
         // Of a motion that has just ended the last changes tell, not those of seconds ago.
         let just_before2 = self.recent_change2.sum() * lit(2.0);
-        let usual2 = self.usual_change2.min(just_before2);
+        let usual2 = lesser(self.usual_change2, just_before2);
         // Before it is learnt from: the first change of a rest that reads zeros may be a spike.
         let is_far = self.is_far(change2, usual2);
         let mut was_stuck = false;
@@ -421,20 +421,13 @@ impl<T: Scalar> SampleCheck<T> {
     }
 
     /// A sample that is not the one before.
+    #[inline]
     fn changed(&mut self, change: &Vector3<T>) {
-        let small = self.resolution * lit(SMALL_STEPS);
-        if self.repeats.run >= STUCK_RUN && change.amax() <= small {
-            // It goes on where it was: it rested, and its noise is below its rounding.
-            let step2 = self.resolution * self.resolution;
-            for recent2 in &mut self.recent_change2 {
-                *recent2 = recent2.min(step2);
-            }
+        if self.repeats.run > 0 || self.repeats.is_stuck {
+            self.end_run(change);
         }
         let [_, last] = self.repeats.changes;
         self.repeats.changes = [last, *change];
-        self.repeats.run = 0;
-        self.repeats.is_stuck = false;
-        self.repeats.chance2 = T::one();
         let weight = self.weight(SHORT_MEMORY);
         let mut smallest = self.resolution;
         for (component, recent2) in change.iter().zip(&mut self.recent_change2) {
@@ -449,10 +442,42 @@ impl<T: Scalar> SampleCheck<T> {
         self.resolution = smallest;
     }
 
+    /// Ends a run of repetitions by a change.
+    fn end_run(&mut self, change: &Vector3<T>) {
+        let small = self.resolution * lit(SMALL_STEPS);
+        if self.repeats.run >= STUCK_RUN && change.amax() <= small {
+            // It goes on where it was: it rested, and its noise is below its rounding.
+            let step2 = self.resolution * self.resolution;
+            for recent2 in &mut self.recent_change2 {
+                *recent2 = recent2.min(step2);
+            }
+        }
+        self.repeats.run = 0;
+        self.repeats.is_stuck = false;
+        self.repeats.chance2 = T::one();
+    }
+
     /// The end of the range where a component is there: the largest value ever seen, once a component has repeated it
     /// while it should have changed, and others did.
     #[inline]
     fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
+        if change.iter().all(|component| *component != T::zero()) {
+            self.repeats.component_runs = [0; 3];
+        } else {
+            self.components_repeated(sample, change);
+        }
+        let [x, y, z] = [sample.x.abs(), sample.y.abs(), sample.z.abs()];
+        let largest = greater(greater(x, y), z);
+        self.largest = greater(self.largest, largest);
+        if self.full_scale > T::zero() && largest > self.full_scale * lit(1.001) {
+            // It measures beyond: that was no end.
+            self.full_scale = T::zero();
+        }
+        (self.full_scale > T::zero() && largest >= self.full_scale).then_some(self.full_scale)
+    }
+
+    /// Counts how often single components have repeated themselves, and finds the end of the range by it.
+    fn components_repeated(&mut self, sample: &Vector3<T>, change: &Vector3<T>) {
         // What changes by the rounding alone rests, wherever it rests.
         let is_strong = change.amax() > self.resolution * lit(SMALL_STEPS);
         for i in 0..3 {
@@ -475,13 +500,6 @@ impl<T: Scalar> SampleCheck<T> {
                 }
             }
         }
-        let largest = sample.amax();
-        self.largest = self.largest.max(largest);
-        if self.full_scale > T::zero() && largest > self.full_scale * lit(1.001) {
-            // It measures beyond: that was no end.
-            self.full_scale = T::zero();
-        }
-        (self.full_scale > T::zero() && largest >= self.full_scale).then_some(self.full_scale)
     }
 
     #[inline]
@@ -501,7 +519,7 @@ impl<T: Scalar> SampleCheck<T> {
         } else {
             dt
         };
-        self.interval += (dt.min(most) - self.interval) * self.weight(MEMORY);
+        self.interval += (lesser(dt, most) - self.interval) * self.weight(MEMORY);
     }
 
     /// The numbers, for checks of a saved state.

@@ -157,18 +157,42 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
                 *x += *w * *nu;
             }
         }
+        let active = self.active.min(N);
         let columns = covariance.as_mut_slice().chunks_exact_mut(N);
-        for (j, column) in columns.enumerate().take(self.active) {
+        for (j, column) in columns.enumerate().take(active) {
             let mut removed = T::zero();
-            for w in &self.projected {
-                add_scaled(column, w, -w[j], self.active);
+            let mut factors = [T::zero(); M];
+            for (factor, w) in factors.iter_mut().zip(&self.projected) {
+                *factor = -w[j];
                 removed += w[j] * w[j];
             }
+            add_all(column, &self.projected, &factors, active);
             if let Some(variance) = column.get_mut(j) {
                 *variance += rounding_reserve(removed);
             }
         }
         true
+    }
+}
+
+/// `out += sum of factors[k] * columns[k]`, over the first `active` elements, in one pass: `out` is read and written once.
+#[inline(always)]
+fn add_all<T: Scalar, const N: usize, const M: usize>(
+    out: &mut [T],
+    columns: &[[T; N]; M],
+    factors: &[T; M],
+    active: usize,
+) {
+    // Arrays of one length: nothing but the sum is left in the loop.
+    let Some(out) = out.first_chunk_mut::<N>() else {
+        return;
+    };
+    for i in 0..active.min(N) {
+        let mut sum = out[i];
+        for k in 0..M {
+            sum += factors[k] * columns[k][i];
+        }
+        out[i] = sum;
     }
 }
 

@@ -157,13 +157,12 @@ impl<T: Scalar> Sums<T> {
         for (row, out) in moved.iter_mut().enumerate() {
             add_column(out, n, p, row, T::one());
         }
-        for (row, out) in moved.iter_mut().enumerate().take(3) {
-            for c in 0..3 {
-                add_column(out, n, p, BIAS + c, -self.rotation[(row, c)]);
-            }
-            for k in 0..layout.scale_len().min(9) {
-                add_column(out, n, p, SCALE + k, self.turn[(row, k)]);
-            }
+        let [x, y, z, ..] = &mut moved;
+        let mut attitude = [x, y, z];
+        add_columns(&mut attitude, n, p, BIAS, &-self.rotation);
+        for k in (0..layout.scale_len().min(9)).step_by(3) {
+            let turn = self.turn.fixed_columns::<3>(k).into_owned();
+            add_columns(&mut attitude, n, p, SCALE + k, &turn);
         }
         let s = &self.velocity;
         add_column(&mut moved[VELOCITY], n, p, ATTITUDE + 1, s.z);
@@ -207,6 +206,30 @@ impl<T: Scalar> Sums<T> {
             value += self.turn[(b, k)] * row[SCALE + k];
         }
         value
+    }
+}
+
+/// `out[r] += factors[r, c] * P[.., first + c]` for three rows and three columns, over the first `n` states, in one pass: what
+/// they share is read once.
+#[inline(always)]
+fn add_columns<T: Scalar>(
+    out: &mut [&mut [T; CAPACITY]; 3],
+    n: usize,
+    p: &Covariance<T>,
+    first: usize,
+    factors: &Matrix3<T>,
+) {
+    let mut columns = p.as_slice().chunks_exact(CAPACITY).skip(first);
+    let mut next = || columns.next().and_then(<[T]>::first_chunk::<CAPACITY>);
+    let (Some(a), Some(b), Some(c)) = (next(), next(), next()) else {
+        return;
+    };
+    for i in 0..n.min(CAPACITY) {
+        for (r, out) in out.iter_mut().enumerate() {
+            out[i] += factors[(r, 0)] * a[i];
+            out[i] += factors[(r, 1)] * b[i];
+            out[i] += factors[(r, 2)] * c[i];
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lesser, lit};
 
 /// Memory of the noise of now, and of what was before, samples.
 const MEMORY: f64 = 16.0;
@@ -81,7 +81,7 @@ impl<T: Scalar> WhiteNoise<T> {
         } else {
             self.before2 * lit(MOST_GROWTH)
         };
-        self.before2 += (change2.min(most) - self.before2) * long_weight;
+        self.before2 += (lesser(change2, most) - self.before2) * long_weight;
         // A motion, however strong, goes on the way it went; noise comes back.
         let comes_back = change.dot(&self.last_change) < T::zero();
         self.last_change = *change;
