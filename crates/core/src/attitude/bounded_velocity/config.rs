@@ -32,7 +32,7 @@ parameters! {
         lab = 1,
     };
 
-    update_interval_s: T, "s", From(1e-4, 10.0), [0.02],
+    update_interval_s: T, "s", From(1e-4, 10.0), [0.04],
         "interval of covariance and updates; the attitude follows every sample",
         "Raising it costs less and corrects later.";
     gyroscope_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.3e-3],

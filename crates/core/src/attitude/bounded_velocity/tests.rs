@@ -520,7 +520,8 @@ fn clipping_widens_and_a_pause_of_the_accelerometer_forgets_the_velocity() {
     };
     let grown = |config| {
         let mut f = filter(config);
-        for _ in 0..20 {
+        // Two steps of the covariance, which waits for an update for 0.1 s.
+        for _ in 0..22 {
             f.propagate(&Vector3::new(7.2, 0.0, 0.0), 0.01);
         }
         f.attitude_covariance().unwrap().trace()
@@ -565,7 +566,10 @@ fn prediction_turns_on_at_the_present_rate() {
 /// Samples arrive at their own rates, each update at its own interval, and the record says so.
 #[test]
 fn sensors_have_their_own_rates() {
-    let mut f = filter(full::<f64>());
+    let mut f = filter(BoundedVelocityConfig {
+        update_interval_s: 0.02,
+        ..full::<f64>()
+    });
     let (mut count, mut fused, mut waiting) = (0, [0; 2], [0; 2]);
     let mut error = f64::NAN;
     hand(30, 7, &Errors::default(), |truth, [w, a, m]| {
