@@ -157,42 +157,41 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
                 *x += *w * *nu;
             }
         }
-        let active = self.active.min(N);
-        let columns = covariance.as_mut_slice().chunks_exact_mut(N);
-        for (j, column) in columns.enumerate().take(active) {
-            let mut removed = T::zero();
-            let mut factors = [T::zero(); M];
-            for (factor, w) in factors.iter_mut().zip(&self.projected) {
-                *factor = -w[j];
-                removed += w[j] * w[j];
-            }
-            add_all(column, &self.projected, &factors, active);
-            if let Some(variance) = column.get_mut(j) {
-                *variance += rounding_reserve(removed);
-            }
-        }
+        subtract_squares(covariance, &self.projected, self.active);
         true
     }
 }
 
-/// `out += sum of factors[k] * columns[k]`, over the first `active` elements, in one pass: `out` is read and written once.
+/// `P -= W W^T` for columns `w`, on the first `active` states. Half of it is computed, and the other half is the same numbers: on a chip
+/// without floating point that is most of an update.
 #[inline(always)]
-fn add_all<T: Scalar, const N: usize, const M: usize>(
-    out: &mut [T],
-    columns: &[[T; N]; M],
-    factors: &[T; M],
+fn subtract_squares<T: Scalar, const N: usize, const M: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    w: &[[T; N]; M],
     active: usize,
 ) {
-    // Arrays of one length: nothing but the sum is left in the loop.
-    let Some(out) = out.first_chunk_mut::<N>() else {
-        return;
-    };
-    for i in 0..active.min(N) {
-        let mut sum = out[i];
-        for k in 0..M {
-            sum += factors[k] * columns[k][i];
+    let active = active.min(N);
+    for j in 0..active {
+        let mut removed = T::zero();
+        let mut factors = [T::zero(); M];
+        for (factor, w) in factors.iter_mut().zip(w) {
+            *factor = -w[j];
+            removed += w[j] * w[j];
         }
-        out[i] = sum;
+        let own = covariance.as_mut_slice().chunks_exact_mut(N).nth(j);
+        if let Some(column) = own.and_then(<[T]>::first_chunk_mut::<N>) {
+            for i in j..active {
+                let mut value = column[i];
+                for k in 0..M {
+                    value += factors[k] * w[k][i];
+                }
+                column[i] = value;
+            }
+        }
+        for i in j + 1..active {
+            covariance[(j, i)] = covariance[(i, j)];
+        }
+        covariance[(j, j)] += rounding_reserve(removed);
     }
 }
 
