@@ -47,7 +47,7 @@
 //! [`BoundedVelocityConfig::update_interval_s`], so between updates the covariance is that of the
 //! last one. An accelerometer sample stands for the time since the one before.
 //!
-//! Cost: about 250 multiplications per sample of each sensor, about 6000 per update interval with
+//! Cost: about 250 multiplications per sample of each sensor, about 3000 per update interval with
 //! all 22 states. Limits: it starts with the field that it finds; without magnetometer the heading
 //! drifts with what is not known of the bias.
 

@@ -82,6 +82,7 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         rest_rate_noise_density: 0.1_f64.to_radians(),
         initial_tilt_std: 8_f64.to_radians(),
         initial_heading_std: 20_f64.to_radians(),
+        update_interval_s: 0.02,
         // What it did not have: a noise that is learnt, rests that are doubted, samples that are averaged.
         initial_velocity_psd: 0.0,
         largest_velocity_psd: 0.0,

@@ -169,7 +169,7 @@ fn what_does_not_change_is_known_from_the_first_node_as_at_the_last() {
             epsilon = 1e-9
         );
     }
-    assert!(nodes.len() > 900);
+    assert!(nodes.len() > 450);
 }
 
 #[test]
