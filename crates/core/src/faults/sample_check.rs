@@ -421,7 +421,6 @@ impl<T: Scalar> SampleCheck<T> {
     }
 
     /// A sample that is not the one before.
-    #[inline]
     fn changed(&mut self, change: &Vector3<T>) {
         if self.repeats.run > 0 || self.repeats.is_stuck {
             self.end_run(change);
@@ -459,21 +458,26 @@ impl<T: Scalar> SampleCheck<T> {
 
     /// The end of the range where a component is there: the largest value ever seen, once a component has repeated it
     /// while it should have changed, and others did.
-    #[inline]
     fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
-        if change.iter().all(|component| *component != T::zero()) {
+        if !change.iter().any(T::is_zero) {
             self.repeats.component_runs = [0; 3];
         } else {
             self.components_repeated(sample, change);
         }
         let [x, y, z] = [sample.x.abs(), sample.y.abs(), sample.z.abs()];
         let largest = greater(greater(x, y), z);
-        self.largest = greater(self.largest, largest);
-        if self.full_scale > T::zero() && largest > self.full_scale * lit(1.001) {
+        if largest > self.largest {
+            self.largest = largest;
+        }
+        if self.full_scale <= T::zero() {
+            return None;
+        }
+        if largest > self.full_scale * lit(1.001) {
             // It measures beyond: that was no end.
             self.full_scale = T::zero();
+            return None;
         }
-        (self.full_scale > T::zero() && largest >= self.full_scale).then_some(self.full_scale)
+        (largest >= self.full_scale).then_some(self.full_scale)
     }
 
     /// Counts how often single components have repeated themselves, and finds the end of the range by it.
