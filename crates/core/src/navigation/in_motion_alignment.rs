@@ -56,6 +56,7 @@ mod hypothesis;
 mod measurements;
 mod memory;
 mod moved_origin;
+mod outlier;
 mod robust_update;
 mod window;
 

@@ -6,6 +6,7 @@ use super::bank::Bank;
 use super::estimate::{Estimate, Triangle};
 use super::hypothesis::Hypothesis;
 use super::memory::Memory;
+use super::outlier;
 use super::window::{Fit, Interval, Learnt, Linearization, Pass, pass};
 use super::{InMotionAlignment, InMotionAlignmentConfig};
 use crate::faults::FaultySensor;
@@ -70,7 +71,7 @@ pub(in crate::navigation) fn is_suspect<T: Scalar>(nis: T, degrees_of_freedom: u
 
 impl<T: Scalar> Estimate<T> {
     /// With fixes that jump in the interval that begins here, by a standard deviation (m).
-    fn with_jump(&self, std: T) -> Self {
+    pub(super) fn with_jump(&self, std: T) -> Self {
         let mut p = self.covariance.full();
         for i in 0..3 {
             p[(POSITION + i, POSITION + i)] += std * std;
@@ -108,17 +109,18 @@ impl<T: Scalar> Estimate<T> {
         }
     }
 
-    /// What it is an interval later, with the log evidence of that.
-    fn after(
+    /// What it is an interval later, with the log evidence of that and what the position was off by.
+    pub(super) fn after(
         &self,
         interval: &Interval<T>,
         learnt: Learnt<T>,
         config: &InMotionAlignmentConfig<T>,
-    ) -> Option<(Self, T)> {
+    ) -> Option<(Self, T, T)> {
         let about = Linearization::at(&self.mean);
         let one = core::slice::from_ref(interval);
         let passed = pass(self, &about, one, learnt, config)?;
-        Some((passed.end, passed.fit.log_evidence))
+        let off = passed.fit.newest[0].0.residual.norm();
+        Some((passed.end, passed.fit.log_evidence, off))
     }
 }
 
@@ -160,7 +162,7 @@ impl<T: Scalar> Hypothesis<T> {
                 let evident = jumped.map_or(without, |p| evidence + p.fit.log_evidence);
                 jump = jump.max(evident - without);
             }
-            let (after, more) = before.after(interval, learnt, config)?;
+            let (after, more, _) = before.after(interval, learnt, config)?;
             before = after;
             evidence += more;
         }
@@ -178,7 +180,7 @@ impl<T: Scalar> Hypothesis<T> {
         let learnt = self.learnt(scale, config);
         let (mut before, mut departed) = (self.anchor, self.departed);
         for interval in intervals.get(..step.interval)? {
-            let (after, more) = before.after(interval, learnt, config)?;
+            let (after, more, _) = before.after(interval, learnt, config)?;
             before = after;
             departed += more;
         }
@@ -208,7 +210,7 @@ impl<T: Scalar> Hypothesis<T> {
 }
 
 /// A window solved anew: twice, since the first time is linear about the bias of before.
-fn solve<T: Scalar>(
+pub(super) fn solve<T: Scalar>(
     anchor: &Estimate<T>,
     intervals: &[Interval<T>],
     learnt: Learnt<T>,
@@ -222,23 +224,20 @@ fn solve<T: Scalar>(
 
 impl<T: Scalar, const K: usize> Bank<T, K> {
     /// Goes on with a step where one explains the window: every hypothesis has one of either sensor then, as far as there is
-    /// room, and later fixes choose. The first interval with it.
+    /// room, and later fixes choose.
     // Not inlined: on a chip its memory is then free again for what follows.
     #[inline(never)]
     fn take_step(
         &mut self,
+        likeliest: &Candidate<T>,
         intervals: &[Interval<T>],
         config: &InMotionAlignmentConfig<T>,
-    ) -> Option<usize> {
+    ) {
         let scale = self.scale;
-        let likeliest = self.best()?.likeliest_step(intervals, scale, config)?;
-        if likeliest.gain < lit(LEAST_GAIN) {
-            return None;
-        }
         let with = |hypothesis: Option<&Hypothesis<T>>, sensor| {
             let step = Candidate {
                 sensor,
-                ..likeliest
+                ..*likeliest
             };
             hypothesis?.with_step(&step, intervals, scale, config)
         };
@@ -270,7 +269,6 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         self.count = end;
         self.order();
         self.count = end - failed;
-        Some(likeliest.interval)
     }
 }
 
@@ -291,18 +289,39 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         self.unseen = unseen.saturating_sub(1);
         let is_told = self.untold == 0;
         self.untold = self.untold.saturating_sub(1);
-        if bank.fixes < FEWEST_FIXES || unseen > 0 || !fit.is_suspect() {
+        if bank.fixes < outlier::FEWEST_FIXES || !fit.is_suspect() {
             return;
         }
+        let intervals = self.window.intervals_mut();
+        let best = bank.best();
+        let has_first = bank.fixes as usize == intervals.len();
+        let outlier = best
+            .and_then(|best| {
+                best.likeliest_outlier(intervals, LOOKED_AT, has_first, bank.scale, config)
+            })
+            .filter(|outlier| outlier.gain > T::zero());
+        let is_step_possible = bank.fixes >= FEWEST_FIXES && unseen == 0;
+        let step = best
+            .filter(|_| is_step_possible)
+            .and_then(|best| best.likeliest_step(intervals, bank.scale, config))
+            .filter(|step| step.gain >= lit(LEAST_GAIN));
+        if let Some(outlier) = outlier
+            && step.is_none_or(|step| outlier.gain > step.gain)
+        {
+            bank.leave_out(&outlier, intervals, config);
+            self.disagreeing = 0;
+            return;
+        }
+        let Some(step) = step else {
+            return;
+        };
         let biases = |bank: &Bank<T, K>| {
             let mean = bank.best().map(|best| best.end.mean);
             mean.map(|mean| (mean.gyroscope_bias, mean.accelerometer_bias))
         };
         let before = biases(bank);
-        let Some(first) = bank.take_step(self.window.intervals(), config) else {
-            return;
-        };
-        self.window.drop_first(first);
+        bank.take_step(&step, self.window.intervals(), config);
+        self.window.drop_first(step.interval);
         self.disagreeing = 0;
         let sensor = bank.best().and_then(Hypothesis::stepped_sensor);
         let sensor = sensor.filter(|_| is_told);

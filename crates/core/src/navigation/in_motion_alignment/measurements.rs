@@ -66,7 +66,14 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         let fixes = bank.fixes;
         let impossible = off.norm() > t.max(T::one()) * lit(FASTEST_M_S);
         if impossible || (fixes < EARLY_FIXES && self.contradicts(&fix)) {
-            self.memory.impossible = self.memory.impossible.saturating_add(1);
+            let memory = &mut self.memory;
+            // Gross errors do not lie together, fixes of another place do.
+            let apart = (fix.ned - memory.impossible_ned).xy().norm();
+            if apart > t.max(T::one()) * lit(FASTEST_M_S) {
+                memory.impossible = 0;
+            }
+            memory.impossible_ned = fix.ned;
+            memory.impossible = memory.impossible.saturating_add(1);
             let needed = if fixes < FEW_FIXES {
                 IMPOSSIBLE_AFTER_FEW
             } else {
@@ -127,6 +134,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             rate_at_rest: memory.rate_at_rest.take(),
             position,
             velocity: None,
+            outlier_std: T::zero(),
         });
         let full = memory.window.is_full();
         let fit = bank.run(memory.window.intervals(), full, &self.config);

@@ -60,8 +60,10 @@ pub(super) struct Memory<T: Scalar, const K: usize, const N: usize> {
     pub(super) unseen: u32,
     /// Positions to come before a step is told: there was a gap, and what it hid looks like one.
     pub(super) untold: u32,
-    /// Impossible positions in a row.
+    /// Impossible positions in a row that lie together, and ...
     pub(super) impossible: u32,
+    /// ... the last of them, m, NED.
+    pub(super) impossible_ned: Vector3<T>,
     /// Positions that disagree, less those that agree.
     pub(super) disagreeing: u32,
     pub(super) restarts: u32,
@@ -97,6 +99,7 @@ impl<T: Scalar, const N: usize> Default for Window<T, N> {
                 has_height: false,
             },
             velocity: None,
+            outlier_std: T::zero(),
         };
         Self {
             intervals: [none; N],
@@ -155,6 +158,7 @@ impl<T: Scalar, const K: usize, const N: usize> Default for Memory<T, K, N> {
             unseen: 0,
             untold: 0,
             impossible: 0,
+            impossible_ned: Vector3::zeros(),
             disagreeing: 0,
             restarts: 0,
             step: None,
@@ -177,6 +181,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
 
     fn check(&self) -> Result<(), InvalidState> {
         let force = self.force.iter().chain(&self.angular_rate);
+        let force = force.chain(&self.impossible_ned);
         finite("level", force.chain([&self.levelled_s]))?;
         self.since.check()?;
         if let Some(heading) = &self.heading {

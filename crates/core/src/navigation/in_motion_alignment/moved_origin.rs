@@ -29,6 +29,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         for interval in memory.window.intervals_mut() {
             interval.move_origin(change);
         }
+        memory.impossible_ned = change.position(&memory.impossible_ned);
         if let Some(prior) = &mut memory.prior {
             prior.move_origin(change);
         }

@@ -19,6 +19,10 @@ use super::ALIGNMENT_ERRORS;
 
 /// Iterations of weight and posterior.
 const ITERATIONS: usize = 3;
+/// Log odds of a gross error against any other.
+const GROSS_LOG_ODDS: f64 = -4.6;
+/// A weight that is as much smaller may be another one.
+const ANOTHER_WEIGHT: f64 = 0.2;
 
 /// What an update said.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,22 +63,49 @@ fn factor<T: Scalar, const M: usize>(
     cholesky(&s).map(|l| inverse_lower(&l))
 }
 
-/// The weight at which it agrees with the residual that is expected after the update (W13, W14).
+/// The weight at which it agrees with the residual that is expected after the update (W13, W14). Where there are two, one
+/// that believes the fix and one that believes the samples, that of the likelier state.
 fn weight_of<T: Scalar, const M: usize>(
     predicted: &SMatrix<T, M, M>,
     residual: &SVector<T, M>,
     dof: T,
 ) -> Option<T> {
     let m = lit::<T>(M as f64);
-    let mut weight = T::one();
+    let (believed, cost) = settled(predicted, residual, dof, T::one())?;
+    let unmoved = (dof + m) / (dof + residual.norm_squared());
+    let mut weight = believed;
+    if unmoved < believed * lit(ANOTHER_WEIGHT) {
+        let (doubted, less) = settled(predicted, residual, dof, unmoved)?;
+        if less < cost {
+            weight = doubted;
+        }
+    }
+    (weight > T::zero()).then_some(weight)
+}
+
+/// The weight that is reached from `weight`, and the negative log density of the state that belongs to it (W14).
+fn settled<T: Scalar, const M: usize>(
+    predicted: &SMatrix<T, M, M>,
+    residual: &SVector<T, M>,
+    dof: T,
+    mut weight: T,
+) -> Option<(T, T)> {
+    let m = lit::<T>(M as f64);
+    let mut cost = T::zero();
     for _ in 0..ITERATIONS {
         let inverse = factor(predicted, T::one() / weight)?;
         // S^-1 = L^-T L^-1: the residual after the update is S^-1 r / w, its covariance (I - S^-1 / w) / w.
-        let after = inverse.transpose() * (inverse * residual) / weight;
+        let solved = inverse.transpose() * (inverse * residual);
+        let after = solved / weight;
         let spread = (m - inverse.norm_squared() / weight).max(T::zero()) / weight;
         weight = ((dof + m) / (dof + after.norm_squared() + spread)).min(T::one());
+        let moved = solved.dot(&(predicted * solved));
+        let student = (after.norm_squared() / dof).ln_1p() * (dof + m) * lit(0.5);
+        // Nobody knows how far a gross error is off: its size is as probable as any other.
+        let gross = after.norm_squared().max(T::one()).ln() * m * lit(0.5) - lit(GROSS_LOG_ODDS);
+        cost = moved * lit(0.5) + student.min(gross);
     }
-    (weight > T::zero()).then_some(weight)
+    Some((weight, cost))
 }
 
 /// Fuses a measurement into the error that is estimated so far and its covariance. `None`, and nothing changed, when

@@ -59,6 +59,8 @@ pub(super) struct Interval<T: Scalar> {
     pub(super) rate_at_rest: Option<(Vector3<T>, T)>,
     pub(super) position: GnssPosition<T>,
     pub(super) velocity: Option<GnssVelocity<T>>,
+    /// Standard deviation (m) of what its fix is off by beyond noise, where it is an outlier; zero where it is none.
+    pub(super) outlier_std: T,
 }
 
 /// The point about which a pass is linear: attitude at the window's beginning, and biases.
@@ -156,6 +158,7 @@ impl<T: Scalar> Interval<T> {
         let velocity = velocity.flat_map(|v| v.ned.iter().chain(&v.std));
         let position = self.position.ned.iter().chain(&self.position.std);
         let numbers = position.chain(&self.angular_rate).chain(velocity);
+        let numbers = numbers.chain([&self.outlier_std]);
         finite("fixes", numbers)
     }
 }
@@ -361,7 +364,8 @@ impl<'a, T: Scalar> Running<'a, T> {
         let then = self.instant(interval);
         let c = self.config;
         let fix = &interval.position;
-        let variance = position_variance(&fix.std, &then.velocity, self.learnt.scale, c);
+        let variance = position_variance(&fix.std, &then.velocity, self.learnt.scale, c)
+            .add_scalar(interval.outlier_std * interval.outlier_std);
         let arm = Vector3::from(c.lever_arm_m);
         let offset = self.mean.gnss_offset;
         if fix.has_height {
