@@ -52,6 +52,7 @@ mod bank;
 pub(super) mod bias_step;
 mod config;
 mod estimate;
+pub(super) mod explanation;
 mod hypothesis;
 mod measurements;
 mod memory;
@@ -69,7 +70,7 @@ pub use bias_step::AlignmentStep;
 pub use config::InMotionAlignmentConfig;
 pub use memory::InMotionAlignmentState;
 
-use self::bias_step::UNSEEN_FIXES;
+use self::explanation::UNSEEN_FIXES;
 use self::memory::Memory;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates, GNSS_OFFSET, TIME_OFFSET};
 use super::preintegration::{SampleNoise, check_sample};

@@ -13,7 +13,7 @@ use crate::kalman::Innovation;
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::error_state::SparseMeasurement;
 use crate::navigation::error_state::sparse::{NOMINAL_NIS, Weighting};
-use crate::navigation::in_motion_alignment::bias_step::is_suspect;
+use crate::navigation::in_motion_alignment::explanation::is_suspect;
 use crate::scalar::{Scalar, lit};
 
 /// Fixes that disagree, less twice those that agree, at which it aligns again, and ...

@@ -145,7 +145,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         if full {
             memory.window.drop_first(1);
         }
-        memory.look_for_step(&fit, &self.config);
+        memory.explain(&fit, &self.config);
         let Some(bank) = &mut memory.bank else {
             return AlignmentUpdate::skipped(SkipReason::NotInitialized);
         };

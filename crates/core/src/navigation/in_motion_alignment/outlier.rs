@@ -4,15 +4,11 @@
 
 use super::InMotionAlignmentConfig;
 use super::bank::Bank;
-use super::bias_step::solve;
+use super::explanation::{LOOKED_AT, solve};
 use super::hypothesis::Hypothesis;
-use super::window::{Interval, Linearization, pass};
+use super::robust_update::GROSS_LOG_ODDS;
+use super::window::{Interval, Linearization, Pass, pass};
 use crate::scalar::{Scalar, lit};
-
-/// Log odds of an outlier against any other fix.
-const LOG_ODDS: f64 = -4.6;
-/// Fixes before one is looked for: fewer cannot outvote it.
-pub(super) const FEWEST_FIXES: u32 = 4;
 
 /// The fix that is the likeliest outlier of a window.
 #[derive(Debug, Clone, Copy)]
@@ -26,56 +22,58 @@ pub(super) struct Outlier<T> {
 }
 
 impl<T: Scalar> Hypothesis<T> {
-    /// The fix among the newest `looked_at` without which the window is explained best (W27), and the first of all where
-    /// `has_first`. The newest is none: its own weight is for that.
-    pub(super) fn likeliest_outlier(
+    /// The fix among the newest [`LOOKED_AT`] without which the window is explained best (W27), and the first of all where
+    /// `has_first`. The newest is none: its own weight is for that. The intervals are the same afterwards.
+    fn likeliest_outlier(
         &self,
-        intervals: &[Interval<T>],
-        looked_at: usize,
+        intervals: &mut [Interval<T>],
         has_first: bool,
         scale: T,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<Outlier<T>> {
         let learnt = self.learnt(scale, config);
         let about = Linearization::carried_back(&self.end.mean, intervals);
-        let without = pass(&self.anchor, &about, intervals, learnt, config)?;
-        let newest = without.fit.newest[0].0.residual.norm();
-        let without = without.fit.log_evidence;
+        let found = pass(&self.anchor, &about, intervals, learnt, config)?;
+        let newest = found.fit.newest[0].0.residual.norm();
+        // What comes of solving anew is no evidence for an outlier.
+        let anew = solve(&self.anchor, intervals, learnt, config)?;
+        let without = found.fit.log_evidence.max(anew.fit.log_evidence);
         let mut best: Option<Outlier<T>> = None;
-        if has_first && intervals.len() < looked_at {
-            let jumped = self.anchor.with_jump(newest);
-            if let Some(solved) = solve(&jumped, intervals, learnt, config) {
+        let mut consider = |interval, std, solved: Option<Pass<T>>| {
+            let evidence = solved.map(|solved| solved.fit.log_evidence);
+            let gain = evidence.map(|e| e - without + lit(GROSS_LOG_ODDS));
+            if let Some(gain) = gain.filter(|gain| best.is_none_or(|best| *gain > best.gain)) {
                 best = Some(Outlier {
-                    interval: None,
-                    std: newest,
-                    gain: solved.fit.log_evidence - without + lit(LOG_ODDS),
+                    interval,
+                    std,
+                    gain,
                 });
             }
+        };
+        if has_first && intervals.len() < LOOKED_AT {
+            let jumped = self.anchor.with_jump(newest);
+            let solved = solve(&jumped, intervals, learnt, config);
+            consider(None, newest, solved);
         }
-        let (mut before, mut evidence) = (self.anchor, T::zero());
-        for (i, interval) in intervals.iter().enumerate() {
-            let rest = intervals.get(i + 1..).unwrap_or_default();
-            let (after, more, off) = before.after(interval, learnt, config)?;
-            if !rest.is_empty() && rest.len() < looked_at && off > interval.outlier_std {
-                let doubted = Interval {
-                    outlier_std: off,
-                    ..*interval
-                };
-                let (skipped, own, _) = before.after(&doubted, learnt, config)?;
-                if let Some(solved) = solve(&skipped, rest, learnt, config) {
-                    let evident = evidence + own + solved.fit.log_evidence;
-                    let gain = evident - without + lit(LOG_ODDS);
-                    if best.is_none_or(|best| gain > best.gain) {
-                        best = Some(Outlier {
-                            interval: Some(i),
-                            std: off,
-                            gain,
-                        });
-                    }
-                }
+        let mut before = self.anchor;
+        for i in 0..intervals.len().saturating_sub(1) {
+            let after = before.after(intervals.get(i)?, learnt, config)?;
+            before = after.end;
+            // The first velocity was made of the first two fixes: the second agrees with it whatever it is.
+            let off = if has_first && i == 0 {
+                newest
+            } else {
+                after.fit.newest[0].0.residual.norm()
+            };
+            if intervals.len() - i > LOOKED_AT {
+                continue;
             }
-            before = after;
-            evidence += more;
+            let known = core::mem::replace(&mut intervals.get_mut(i)?.outlier_std, off);
+            if off > known {
+                let solved = solve(&self.anchor, intervals, learnt, config);
+                consider(Some(i), off, solved);
+            }
+            intervals.get_mut(i)?.outlier_std = known;
         }
         best
     }
@@ -95,6 +93,23 @@ impl<T: Scalar> Hypothesis<T> {
 }
 
 impl<T: Scalar, const K: usize> Bank<T, K> {
+    /// That of all hypotheses: an outlier bends the best one most.
+    pub(super) fn likeliest_outlier(
+        &self,
+        intervals: &mut [Interval<T>],
+        has_first: bool,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<Outlier<T>> {
+        let best = self.best()?.log_evidence;
+        let found = self.in_use().iter().filter_map(|hypothesis| {
+            let mut found =
+                hypothesis.likeliest_outlier(intervals, has_first, self.scale, config)?;
+            found.gain += hypothesis.log_evidence - best;
+            Some(found)
+        });
+        found.reduce(|a, b| if b.gain > a.gain { b } else { a })
+    }
+
     /// Goes on without what a fix said.
     // Not inlined: on a chip its memory is then free again for what follows.
     #[inline(never)]

@@ -19,9 +19,9 @@ use super::ALIGNMENT_ERRORS;
 
 /// Iterations of weight and posterior.
 const ITERATIONS: usize = 3;
-/// Log odds of a gross error against any other.
-const GROSS_LOG_ODDS: f64 = -4.6;
-/// A weight that is as much smaller may be another one.
+/// Log odds of a gross error against any other: one fix in a hundred.
+pub(super) const GROSS_LOG_ODDS: f64 = -4.6;
+/// A first weight as small as this share of the one found may lead to another.
 const ANOTHER_WEIGHT: f64 = 0.2;
 
 /// What an update said.

@@ -1,5 +1,6 @@
 mod bias_step;
 mod kernels;
+mod outlier;
 
 use super::estimate::Estimate;
 use super::*;

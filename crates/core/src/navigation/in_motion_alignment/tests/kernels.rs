@@ -252,6 +252,7 @@ fn an_update_equals_the_dense_one_with_the_noise_of_its_weight() {
     for (residual, dof) in [
         ([0.3, -0.2, 0.5], 1e6),
         ([9.0, -7.0, 4.0], 4.0),
+        ([900.0, -700.0, 400.0], 4.0),
         ([0.3, -0.2, 0.5], 4.0),
     ] {
         let m = measurement(residual);
@@ -283,17 +284,31 @@ fn an_update_equals_the_dense_one_with_the_noise_of_its_weight() {
             likelihood,
             epsilon = 1e-9 * (1.0 + dof)
         );
-        let mut weight = 1.0;
-        for _ in 0..3 {
-            let k = covariance() * h.transpose() * (s + r / weight).try_inverse().unwrap();
-            let p = covariance() - k * h * covariance();
-            let after = off - h * (k * off);
-            let inverse = r.try_inverse().unwrap();
-            let expected =
-                after.dot(&(inverse * after)) + (inverse * (h * p * h.transpose())).trace();
-            weight = f64::min(1.0, (dof + 3.0) / (dof + expected));
-        }
-        assert_relative_eq!(seen.weight, weight, epsilon = 1e-9);
+        let inverse = r.try_inverse().unwrap();
+        // From a weight: the one that it leads to, and the negative log density of the state there.
+        let settled = |mut weight: f64| {
+            let mut cost = 0.0;
+            for _ in 0..3 {
+                let k = covariance() * h.transpose() * (s + r / weight).try_inverse().unwrap();
+                let p = covariance() - k * h * covariance();
+                let after = off - h * (k * off);
+                let moved = off.dot(&((s + r / weight).try_inverse().unwrap() * (h * (k * off))));
+                let e = after.dot(&(inverse * after));
+                let student = (dof + 3.0) / 2.0 * (e / dof).ln_1p();
+                cost = moved / 2.0 + student.min(4.6 + 1.5 * e.max(1.0).ln());
+                let expected = e + (inverse * (h * p * h.transpose())).trace();
+                weight = f64::min(1.0, (dof + 3.0) / (dof + expected));
+            }
+            (weight, cost)
+        };
+        let unmoved = (dof + 3.0) / (dof + off.dot(&(inverse * off)));
+        let (believed, doubted) = (settled(1.0), settled(unmoved));
+        let weight = if doubted.1 < believed.1 {
+            doubted.0
+        } else {
+            believed.0
+        };
+        assert_relative_eq!(seen.weight, weight, max_relative = 1e-5);
     }
 }
 
