@@ -64,17 +64,18 @@ fn factor<T: Scalar, const M: usize>(
 }
 
 /// The weight at which it agrees with the residual that is expected after the update (W13, W14). Where there are two, one
-/// that believes the fix and one that believes the samples, that of the likelier state.
+/// that believes the fix and one that believes the samples, and gross errors happen, that of the likelier state.
 fn weight_of<T: Scalar, const M: usize>(
     predicted: &SMatrix<T, M, M>,
     residual: &SVector<T, M>,
     dof: T,
+    has_gross_errors: bool,
 ) -> Option<T> {
     let m = lit::<T>(M as f64);
     let (believed, cost) = settled(predicted, residual, dof, T::one())?;
     let unmoved = (dof + m) / (dof + residual.norm_squared());
     let mut weight = believed;
-    if unmoved < believed * lit(ANOTHER_WEIGHT) {
+    if has_gross_errors && unmoved < believed * lit(ANOTHER_WEIGHT) {
         let (doubted, less) = settled(predicted, residual, dof, unmoved)?;
         if less < cost {
             weight = doubted;
@@ -117,6 +118,7 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
     error: &mut ErrorVector<T>,
     measurement: &SparseMeasurement<T, M>,
     dof: T,
+    has_gross_errors: bool,
 ) -> Option<Weighted<T>> {
     const { assert!(M <= 3) };
     let mut std = measurement.variance;
@@ -147,7 +149,7 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
     if !nis.is_finite() {
         return None;
     }
-    let weight = weight_of(&predicted, &residual, dof)?;
+    let weight = weight_of(&predicted, &residual, dof, has_gross_errors)?;
     let gain = factor(&predicted, T::one() / weight)?;
     // W = P H^T L^-T: x += W L^-1 r, P -= W W^T.
     let whitened = gain * residual;

@@ -302,12 +302,15 @@ impl<'a, T: Scalar> Running<'a, T> {
         );
     }
 
+    /// Fuses a measurement; those of a receiver have gross errors, too.
     fn fuse<const M: usize>(
         &mut self,
         measurement: &SparseMeasurement<T, M>,
+        is_of_receiver: bool,
     ) -> Option<Weighted<T>> {
         let dof = self.config.student_dof;
-        let seen = fuse(&mut self.covariance, &mut self.error, measurement, dof)?;
+        let (covariance, error) = (&mut self.covariance, &mut self.error);
+        let seen = fuse(covariance, error, measurement, dof, is_of_receiver)?;
         self.log_evidence += seen.log_likelihood;
         Some(seen)
     }
@@ -336,7 +339,7 @@ impl<'a, T: Scalar> Running<'a, T> {
     fn rate_at_rest(&mut self, interval: &Interval<T>) -> Option<()> {
         if let Some((rate, variance)) = &interval.rate_at_rest {
             let bias = self.mean.gyroscope_bias;
-            self.fuse(&zero_velocity::rate(rate, &bias, *variance))?;
+            self.fuse(&zero_velocity::rate(rate, &bias, *variance), false)?;
         }
         Some(())
     }
@@ -355,7 +358,7 @@ impl<'a, T: Scalar> Running<'a, T> {
             }
         };
         match made {
-            Ok(measurement) => self.fuse(&measurement).map(Some),
+            Ok(measurement) => self.fuse(&measurement, false).map(Some),
             Err(_) => Some(None),
         }
     }
@@ -369,15 +372,12 @@ impl<'a, T: Scalar> Running<'a, T> {
         let arm = Vector3::from(c.lever_arm_m);
         let offset = self.mean.gnss_offset;
         if fix.has_height {
-            let all = [0, 1, 2];
-            self.fuse(&gnss_position::measurement(
-                &then, &offset, &arm, &fix.ned, &variance, all,
-            ))
+            let m =
+                gnss_position::measurement(&then, &offset, &arm, &fix.ned, &variance, [0, 1, 2]);
+            self.fuse(&m, true)
         } else {
-            let flat = [0, 1];
-            self.fuse(&gnss_position::measurement(
-                &then, &offset, &arm, &fix.ned, &variance, flat,
-            ))
+            let m = gnss_position::measurement(&then, &offset, &arm, &fix.ned, &variance, [0, 1]);
+            self.fuse(&m, true)
         }
     }
 
@@ -396,21 +396,11 @@ impl<'a, T: Scalar> Running<'a, T> {
             fix.std.component_mul(&fix.std) + moved.component_mul(&moved) * lit::<T>(0.25);
         let arm = Vector3::from(self.config.lever_arm_m);
         let seen = if fix.has_vertical {
-            self.fuse(&gnss_velocity::measurement(
-                &then,
-                &arm,
-                &fix.ned,
-                &variance,
-                [0, 1, 2],
-            ))
+            let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1, 2]);
+            self.fuse(&m, true)
         } else {
-            self.fuse(&gnss_velocity::measurement(
-                &then,
-                &arm,
-                &fix.ned,
-                &variance,
-                [0, 1],
-            ))
+            let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1]);
+            self.fuse(&m, true)
         };
         seen.map(Some)
     }
