@@ -172,6 +172,8 @@ impl Arrays {
         options: OpenOptions,
     ) -> Self {
         let others = accelerometer.iter().chain(&magnetometer);
+        // Stamps that all have in common are looked at once.
+        let others = others.filter(|other| !Arc::ptr_eq(&other.time_ns, &gyroscope.time_ns));
         let in_bunches = [&gyroscope].into_iter().chain(others).any(comes_in_bunches);
         Self {
             in_bunches,

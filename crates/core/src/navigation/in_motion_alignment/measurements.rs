@@ -19,6 +19,9 @@ const FARTHEST_M: f64 = 2e7;
 const LARGEST_STD: f64 = 1e3;
 /// Speed (m/s) that no fix's distance from the last can have been travelled with.
 const FASTEST_M_S: f64 = 1e3;
+/// Distance by the time since the last position that was used (m/s) up to which two impossible ones lie together: what is faster waits
+/// a little longer.
+const TOGETHER_M_S: f64 = 100.0;
 /// So many impossible positions in a row are where it begins again.
 const IMPOSSIBLE_IN_A_ROW: u32 = 3;
 /// ... and so many against fewer than five.
@@ -69,7 +72,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             let memory = &mut self.memory;
             // Gross errors do not lie together, fixes of another place do.
             let apart = (fix.ned - memory.impossible_ned).xy().norm();
-            if apart > t.max(T::one()) * lit(FASTEST_M_S) {
+            if apart > t.max(T::one()) * lit(TOGETHER_M_S) {
                 memory.impossible = 0;
             }
             memory.impossible_ned = fix.ned;
