@@ -16,7 +16,7 @@ use crate::scalar::{Scalar, lit};
 
 /// NIS of three components of the newest fix from which an explanation is looked for: one in ten has it by chance.
 const SUSPECT_NIS: f64 = 6.25;
-/// It is looked for in so many of the newest intervals: a step costs no more than a fix at the start then, an outlier half of it.
+/// It is looked for in so many of the newest intervals: either costs no more than two fixes of eight hypotheses then.
 pub(super) const LOOKED_AT: usize = 6;
 /// Fixes after samples that were no measurements before a step is looked for.
 pub(super) const UNSEEN_FIXES: u32 = LOOKED_AT as u32;
@@ -109,8 +109,9 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         };
         let intervals = self.window.intervals_mut();
         let has_first = bank.fixes as usize == intervals.len();
-        let outlier = bank
-            .likeliest_outlier(intervals, has_first, config)
+        let newest = fit.newest[0].0.residual.norm();
+        let outlier = best
+            .likeliest_outlier(intervals, newest, has_first, bank.scale, config)
             .filter(|outlier| outlier.gain > T::zero());
         let may_have_stepped = bank.fixes >= FEWEST_FOR_STEP && unseen == 0;
         let step = may_have_stepped

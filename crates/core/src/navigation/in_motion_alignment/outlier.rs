@@ -7,7 +7,7 @@ use super::bank::Bank;
 use super::explanation::{LOOKED_AT, solve};
 use super::hypothesis::Hypothesis;
 use super::robust_update::GROSS_LOG_ODDS;
-use super::window::{Interval, Linearization, Pass, pass};
+use super::window::{Interval, Linearization, Pass};
 use crate::scalar::{Scalar, lit};
 
 /// The fix that is the likeliest outlier of a window.
@@ -23,21 +23,20 @@ pub(super) struct Outlier<T> {
 
 impl<T: Scalar> Hypothesis<T> {
     /// The fix among the newest [`LOOKED_AT`] without which the window is explained best (W27), and the first of all where
-    /// `has_first`. The newest is none: its own weight is for that. The intervals are the same afterwards.
-    fn likeliest_outlier(
+    /// `has_first`. The newest, which is `newest` (m) off, is none: its own weight is for that. The intervals are the same
+    /// afterwards.
+    pub(super) fn likeliest_outlier(
         &self,
         intervals: &mut [Interval<T>],
+        newest: T,
         has_first: bool,
         scale: T,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<Outlier<T>> {
         let learnt = self.learnt(scale, config);
-        let about = Linearization::carried_back(&self.end.mean, intervals);
-        let found = pass(&self.anchor, &about, intervals, learnt, config)?;
-        let newest = found.fit.newest[0].0.residual.norm();
         // What comes of solving anew is no evidence for an outlier.
         let anew = solve(&self.anchor, intervals, learnt, config)?;
-        let without = found.fit.log_evidence.max(anew.fit.log_evidence);
+        let without = (self.log_evidence - self.departed).max(anew.fit.log_evidence);
         let mut best: Option<Outlier<T>> = None;
         let mut consider = |interval, std, solved: Option<Pass<T>>| {
             let evidence = solved.map(|solved| solved.fit.log_evidence);
@@ -93,23 +92,6 @@ impl<T: Scalar> Hypothesis<T> {
 }
 
 impl<T: Scalar, const K: usize> Bank<T, K> {
-    /// That of all hypotheses: an outlier bends the best one most.
-    pub(super) fn likeliest_outlier(
-        &self,
-        intervals: &mut [Interval<T>],
-        has_first: bool,
-        config: &InMotionAlignmentConfig<T>,
-    ) -> Option<Outlier<T>> {
-        let best = self.best()?.log_evidence;
-        let found = self.in_use().iter().filter_map(|hypothesis| {
-            let mut found =
-                hypothesis.likeliest_outlier(intervals, has_first, self.scale, config)?;
-            found.gain += hypothesis.log_evidence - best;
-            Some(found)
-        });
-        found.reduce(|a, b| if b.gain > a.gain { b } else { a })
-    }
-
     /// Goes on without what a fix said.
     // Not inlined: on a chip its memory is then free again for what follows.
     #[inline(never)]
