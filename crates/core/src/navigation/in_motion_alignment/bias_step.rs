@@ -5,9 +5,9 @@
 use super::InMotionAlignmentConfig;
 use super::bank::Bank;
 use super::estimate::{Estimate, Triangle};
-use super::explanation::{LOOKED_AT, solve};
+use super::explanation::{LOOKED_AT, Unexplained, solve};
 use super::hypothesis::Hypothesis;
-use super::window::{Interval, Linearization, pass};
+use super::window::{Interval, Linearization};
 use crate::faults::FaultySensor;
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS};
 use crate::scalar::{Scalar, lit};
@@ -75,19 +75,15 @@ impl<T: Scalar> Estimate<T> {
 }
 
 impl<T: Scalar> Hypothesis<T> {
-    /// The step that explains the window best, better than fixes that jump (W26).
+    /// The step that explains the window best (W26).
     pub(super) fn likeliest_step(
         &self,
         intervals: &[Interval<T>],
-        scale: T,
+        unexplained: &Unexplained<T>,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<Candidate<T>> {
-        let learnt = self.learnt(scale, config);
-        let about = Linearization::carried_back(&self.end.mean, intervals);
-        let without = pass(&self.anchor, &about, intervals, learnt, config)?;
-        let newest = without.fit.newest[0].0.residual.norm();
-        let without = without.fit.log_evidence;
-        let (mut best, mut jump): (Option<Candidate<T>>, _) = (None, T::zero());
+        let learnt = unexplained.learnt;
+        let mut best: Option<Candidate<T>> = None;
         let (mut before, mut evidence) = (self.anchor, T::zero());
         for (i, interval) in intervals.iter().enumerate() {
             let rest = intervals.get(i..).unwrap_or_default();
@@ -97,7 +93,7 @@ impl<T: Scalar> Hypothesis<T> {
                 let Some(solved) = solve(&stepped, rest, learnt, config) else {
                     continue;
                 };
-                let gain = evidence + solved.fit.log_evidence - without;
+                let gain = evidence + solved.fit.log_evidence - unexplained.log_evidence;
                 if best.is_none_or(|best| gain > best.gain) {
                     best = Some(Candidate {
                         sensor,
@@ -106,17 +102,11 @@ impl<T: Scalar> Hypothesis<T> {
                     });
                 }
             }
-            if looked_at {
-                let about = Linearization::at(&before.mean);
-                let jumped = pass(&before.with_jump(newest), &about, rest, learnt, config);
-                let evident = jumped.map_or(without, |p| evidence + p.fit.log_evidence);
-                jump = jump.max(evident - without);
-            }
             let after = before.after(interval, learnt, config)?;
             before = after.end;
             evidence += after.fit.log_evidence;
         }
-        best.filter(|best| best.gain > jump)
+        best
     }
 
     /// The same with a step: the window begins with it, and what was before is part of the anchor.

@@ -25,6 +25,15 @@ const FEWEST_FOR_STEP: u32 = 6;
 /// Fixes before an outlier is looked for: fewer cannot outvote it.
 const FEWEST_FOR_OUTLIER: u32 = 4;
 
+/// A window as it is, in which something is to be explained.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Unexplained<T> {
+    pub(super) learnt: Learnt<T>,
+    /// What the newest position is off by, m.
+    pub(super) newest: T,
+    pub(super) log_evidence: T,
+}
+
 impl<T: Scalar> Fit<T> {
     /// Whether the newest fix is off as one in ten is by chance.
     fn is_suspect(&self) -> bool {
@@ -70,6 +79,52 @@ impl<T: Scalar> Estimate<T> {
     }
 }
 
+impl<T: Scalar> Hypothesis<T> {
+    /// The window as it is.
+    fn unexplained(
+        &self,
+        intervals: &[Interval<T>],
+        scale: T,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<Unexplained<T>> {
+        let learnt = self.learnt(scale, config);
+        let about = Linearization::carried_back(&self.end.mean, intervals);
+        let fit = pass(&self.anchor, &about, intervals, learnt, config)?.fit;
+        Some(Unexplained {
+            learnt,
+            newest: fit.newest[0].0.residual.norm(),
+            log_evidence: fit.log_evidence,
+        })
+    }
+
+    /// Log evidence for fixes that jump in one of the newest [`LOOKED_AT`] intervals, and stay there.
+    fn gain_of_jump(
+        &self,
+        intervals: &[Interval<T>],
+        unexplained: &Unexplained<T>,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<T> {
+        let learnt = unexplained.learnt;
+        let mut gain = T::zero();
+        let (mut before, mut evidence) = (self.anchor, T::zero());
+        for (i, interval) in intervals.iter().enumerate() {
+            let rest = intervals.get(i..).unwrap_or_default();
+            if rest.len() <= LOOKED_AT {
+                let about = Linearization::at(&before.mean);
+                let jumped = before.with_jump(unexplained.newest);
+                if let Some(jumped) = pass(&jumped, &about, rest, learnt, config) {
+                    let evident = evidence + jumped.fit.log_evidence;
+                    gain = gain.max(evident - unexplained.log_evidence);
+                }
+            }
+            let after = before.after(interval, learnt, config)?;
+            before = after.end;
+            evidence += after.fit.log_evidence;
+        }
+        Some(gain)
+    }
+}
+
 /// A window solved anew: twice, since the first time is linear about the bias of before.
 pub(super) fn solve<T: Scalar>(
     anchor: &Estimate<T>,
@@ -104,20 +159,30 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         if bank.fixes < FEWEST_FOR_OUTLIER || !fit.is_suspect() {
             return;
         }
-        let Some(best) = bank.best() else {
-            return;
-        };
         let intervals = self.window.intervals_mut();
         let has_first = bank.fixes as usize == intervals.len();
-        let newest = fit.newest[0].0.residual.norm();
+        let best = bank.best();
+        let Some((best, unexplained)) =
+            best.and_then(|best| Some((best, best.unexplained(intervals, bank.scale, config)?)))
+        else {
+            return;
+        };
         let outlier = best
-            .likeliest_outlier(intervals, newest, has_first, bank.scale, config)
+            .likeliest_outlier(intervals, &unexplained, has_first, config)
             .filter(|outlier| outlier.gain > T::zero());
         let may_have_stepped = bank.fixes >= FEWEST_FOR_STEP && unseen == 0;
         let step = may_have_stepped
-            .then(|| best.likeliest_step(intervals, bank.scale, config))
+            .then(|| best.likeliest_step(intervals, &unexplained, config))
             .flatten()
             .filter(|step| step.gain >= lit(LEAST_GAIN));
+        if outlier.is_none() && step.is_none() {
+            return;
+        }
+        let Some(jump) = best.gain_of_jump(intervals, &unexplained, config) else {
+            return;
+        };
+        let outlier = outlier.filter(|outlier| outlier.gain > jump);
+        let step = step.filter(|step| step.gain > jump);
         match (outlier, step) {
             (Some(outlier), step) if step.is_none_or(|step| outlier.gain > step.gain) => {
                 bank.leave_out(&outlier, intervals, config);

@@ -4,7 +4,7 @@
 
 use super::InMotionAlignmentConfig;
 use super::bank::Bank;
-use super::explanation::{LOOKED_AT, solve};
+use super::explanation::{LOOKED_AT, Unexplained, solve};
 use super::hypothesis::Hypothesis;
 use super::robust_update::GROSS_LOG_ODDS;
 use super::window::{Interval, Linearization, Pass};
@@ -23,20 +23,18 @@ pub(super) struct Outlier<T> {
 
 impl<T: Scalar> Hypothesis<T> {
     /// The fix among the newest [`LOOKED_AT`] without which the window is explained best (W27), and the first of all where
-    /// `has_first`. The newest, which is `newest` (m) off, is none: its own weight is for that. The intervals are the same
-    /// afterwards.
+    /// `has_first`. The newest is none: its own weight is for that. The intervals are the same afterwards.
     pub(super) fn likeliest_outlier(
         &self,
         intervals: &mut [Interval<T>],
-        newest: T,
+        unexplained: &Unexplained<T>,
         has_first: bool,
-        scale: T,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<Outlier<T>> {
-        let learnt = self.learnt(scale, config);
+        let (learnt, newest) = (unexplained.learnt, unexplained.newest);
         // What comes of solving anew is no evidence for an outlier.
         let anew = solve(&self.anchor, intervals, learnt, config)?;
-        let without = (self.log_evidence - self.departed).max(anew.fit.log_evidence);
+        let without = unexplained.log_evidence.max(anew.fit.log_evidence);
         let mut best: Option<Outlier<T>> = None;
         let mut consider = |interval, std, solved: Option<Pass<T>>| {
             let evidence = solved.map(|solved| solved.fit.log_evidence);

@@ -72,13 +72,13 @@ fn weight_of<T: Scalar, const M: usize>(
     has_gross_errors: bool,
 ) -> Option<T> {
     let m = lit::<T>(M as f64);
-    let (believed, cost) = settled(predicted, residual, dof, T::one())?;
+    let (trusting, cost) = settled(predicted, residual, dof, T::one())?;
     let unmoved = (dof + m) / (dof + residual.norm_squared());
-    let mut weight = believed;
-    if has_gross_errors && unmoved < believed * lit(ANOTHER_WEIGHT) {
-        let (doubted, less) = settled(predicted, residual, dof, unmoved)?;
+    let mut weight = trusting;
+    if has_gross_errors && unmoved < trusting * lit(ANOTHER_WEIGHT) {
+        let (doubting, less) = settled(predicted, residual, dof, unmoved)?;
         if less < cost {
-            weight = doubted;
+            weight = doubting;
         }
     }
     (weight > T::zero()).then_some(weight)

@@ -303,11 +303,11 @@ fn an_update_equals_the_dense_one_with_the_noise_of_its_weight() {
             (weight, cost)
         };
         let unmoved = (dof + 3.0) / (dof + off.dot(&(inverse * off)));
-        let (believed, doubted) = (settled(1.0), settled(unmoved));
-        let weight = if has_gross_errors && doubted.1 < believed.1 {
-            doubted.0
+        let (trusting, doubting) = (settled(1.0), settled(unmoved));
+        let weight = if has_gross_errors && doubting.1 < trusting.1 {
+            doubting.0
         } else {
-            believed.0
+            trusting.0
         };
         assert_relative_eq!(seen.weight, weight, max_relative = 1e-5);
     }
