@@ -56,7 +56,10 @@ await suite(async () => {
       assert.match(await cell(name).locator(".cell-lamps .spoken").first().textContent(), /^Accelerometer: ./);
       assert.deepEqual(await cell(name).locator("dt").allTextContents(), ["yaw", "pitch", "roll"]);
       // Lamps may come before the first estimate.
-      await until("its angles", async () => (await cell(name).locator("dd").allTextContents()).every((text) => /^−?\d+°$/.test(text)));
+      await until("its angles", async () => {
+        const angles = await cell(name).locator("dd").allTextContents();
+        return angles.length === 3 && angles.every((text) => /^−?\d+°$/.test(text));
+      });
       await until("its rest", async () => (await stateOf(name)) === "rests");
       assert.match(await cell(name).locator(".cell-state").textContent(), /^At rest.*not calibrated$/);
     }

@@ -84,7 +84,7 @@ fn weight_of<T: Scalar, const M: usize>(
     (weight > T::zero()).then_some(weight)
 }
 
-/// The weight that is reached from `weight`, and the negative log density of the state that belongs to it (W14).
+/// The weight that is reached from `weight`, and the negative log density of the state that belongs to it (W14a).
 fn settled<T: Scalar, const M: usize>(
     predicted: &SMatrix<T, M, M>,
     residual: &SVector<T, M>,
