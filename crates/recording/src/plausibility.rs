@@ -238,6 +238,8 @@ struct RateCheck {
     fast_since_ns: Option<i64>,
     fast_samples: u32,
     window: Option<Window>,
+    /// The turns of the gyroscope's samples in it, rad if the numbers are rad/s: only of a window that counts are they put together.
+    turns: Vec<Vector3<f64>>,
     calm_windows: u32,
     /// Those of them that count.
     windows: u32,
@@ -246,14 +248,11 @@ struct RateCheck {
     error_deg: f64,
 }
 
-/// One comparison in progress: the direction of the specific force at its start, and where it
-/// should be now in body axes under either hypothesis.
-#[derive(Debug, Clone)]
+/// One comparison in progress: the direction of the specific force at its start, and how far the body has turned since.
+#[derive(Debug, Clone, Copy)]
 struct Window {
     start_ns: i64,
     start: Vector3<f64>,
-    if_rad: Vector3<f64>,
-    if_deg: Vector3<f64>,
     /// Length of the path in between, rad if the numbers are rad/s.
     turn: f64,
 }
@@ -267,6 +266,8 @@ impl RateCheck {
     /// and running turn the specific force with the body and speak for degrees.
     const CALM: f64 = 0.1;
     const PAUSE_NS: i64 = 100_000_000;
+    /// Most samples of the gyroscope in a comparison: none has so many a second, and a file cannot make it remember more.
+    const MOST_TURNS: usize = 1 << 15;
     /// A comparison counts when the radian hypothesis says that the body has turned along a path of
     /// at least `TURN` and that its direction has visibly moved, rad. Real motion rarely turns so
     /// much without the specific force leaving the calm band.
@@ -301,8 +302,11 @@ impl RateCheck {
         if let Some(window) = &mut self.window {
             let turn = rate * (pause_ns as f64 * 1e-9);
             window.turn += turn.norm();
-            window.if_rad = turned(&window.if_rad, &turn);
-            window.if_deg = turned(&window.if_deg, &(turn * 1_f64.to_radians()));
+            self.turns.push(turn);
+        }
+        if self.turns.len() > Self::MOST_TURNS {
+            self.window = None;
+            self.turns.clear();
         }
         Ok(())
     }
@@ -358,7 +362,7 @@ impl RateCheck {
                 return Ok(());
             }
             Some(window) if time_ns.saturating_sub(window.start_ns) <= Self::WINDOW_MOST_NS => {
-                let window = window.clone();
+                let window = *window;
                 self.calm_windows += 1;
                 self.weigh(&window, &direction);
             }
@@ -367,22 +371,29 @@ impl RateCheck {
         self.window = Some(Window {
             start_ns: time_ns,
             start: direction,
-            if_rad: direction,
-            if_deg: direction,
             turn: 0.0,
         });
+        self.turns.clear();
         let verdict = self.judge(Self::WINDOWS);
         self.over = self.calm_windows >= Self::SETTLED;
         verdict
     }
 
     fn weigh(&mut self, window: &Window, seen: &Vector3<f64>) {
-        if window.turn < Self::TURN || window.start.angle(&window.if_rad) < Self::VISIBLE_TURN {
+        if window.turn < Self::TURN {
             return;
         }
+        // Where the direction should be now in body axes under either hypothesis.
+        let turns = self.turns.iter();
+        let if_rad = turns.fold(window.start, |direction, turn| turned(&direction, turn));
+        if window.start.angle(&if_rad) < Self::VISIBLE_TURN {
+            return;
+        }
+        let turns = self.turns.iter().map(|turn| turn * 1_f64.to_radians());
+        let if_deg = turns.fold(window.start, |direction, turn| turned(&direction, &turn));
         self.windows += 1;
-        self.error_rad += seen.angle(&window.if_rad).powi(2);
-        self.error_deg += seen.angle(&window.if_deg).powi(2);
+        self.error_rad += seen.angle(&if_rad).powi(2);
+        self.error_deg += seen.angle(&if_deg).powi(2);
     }
 
     fn at_end(&self) -> Verdict {

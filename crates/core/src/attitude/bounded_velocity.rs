@@ -71,7 +71,7 @@ use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartU
 use crate::faults::bias_step::{Learnt, Resumed};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::{cap_variance, undrown};
+use crate::kalman::covariance::{cap_variance, turned3, undrown};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
@@ -332,10 +332,9 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
             .into_owned();
         let p = p + self.unseen_tilt();
         let r = self.state.level_from_body.to_rotation_matrix().into_inner();
-        let turned = r.transpose() * p * r;
-        let mut symmetric = (turned + turned.transpose()) * lit::<T>(0.5);
-        undrown(&mut symmetric);
-        Some(symmetric)
+        let mut turned = turned3(&p, &r);
+        undrown(&mut turned);
+        Some(turned)
     }
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {

@@ -542,7 +542,13 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     }
 
     /// Whether a stamp is so far ahead of all samples that it is not used before another one goes on from it.
+    #[inline]
     fn leaps(&mut self, sensor: Option<FaultySensor>, time_ns: i64) -> bool {
+        // One that is not ahead never does: of sensors with one clock only the first is looked at.
+        self.memory.now_ns.is_some_and(|now| now < time_ns) && self.leaps_ahead(sensor, time_ns)
+    }
+
+    fn leaps_ahead(&mut self, sensor: Option<FaultySensor>, time_ns: i64) -> bool {
         let limit = self.config.gap_limit_s * lit(LEAP_GAPS);
         let memory = &mut self.memory;
         match (memory.leaping).look(sensor, memory.now_ns, time_ns, limit) {
@@ -570,25 +576,27 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             self.memory.passed_on = Vector3::zeros();
             self.memory.checks.turned = Vector3::zeros();
         }
+        let limit = self.config.gap_limit_s;
         for last in [
             &mut self.memory.last_force_ns,
             &mut self.memory.last_field_ns,
             &mut self.memory.last_heading_ns,
         ] {
-            let ahead = |last: i64| seconds::<T>(time_ns, last) > self.config.gap_limit_s;
-            if last.is_some_and(ahead) {
+            if last.is_some_and(|last| is_gap(time_ns, last, limit)) {
                 *last = None;
             }
         }
-        let since = self.memory.aligning.map(|aligning| aligning.since_ns);
+        let aligning = self.memory.aligning.as_ref();
+        let since = aligning.map(|aligning| aligning.since_ns);
         if since.is_some_and(|since| self.is_gap(time_ns, since)) {
             self.memory.aligning = None;
             self.memory.is_realigning = false;
         }
     }
 
+    #[inline]
     fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {
-        seconds::<T>(from_ns, to_ns) > self.config.gap_limit_s
+        is_gap(from_ns, to_ns, self.config.gap_limit_s)
     }
 
     fn propagate(&mut self, rate: &Vector3<T>, dt: T) {
@@ -603,6 +611,12 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.watch_bias(rate, dt);
     }
+}
+
+/// Whether a stamp is further ahead of another than a limit (s). Nearly always it is not ahead at all.
+#[inline]
+fn is_gap<T: Scalar>(from_ns: i64, to_ns: i64, limit: T) -> bool {
+    to_ns > from_ns && seconds::<T>(from_ns, to_ns) > limit
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::sample_check::{HELD_RUN, SampleCheck};
+use super::sample_check::{HELD_RUN, Held, SampleCheck};
 use crate::scalar::{Scalar, lit, to_f64};
 
 /// So many steps of the resolution a clipped component is large. A rate near zero stands still by its rounding alone.
@@ -52,6 +52,16 @@ impl<T: Scalar> Clipping<T> {
         if held.is_none() && self.level == T::zero() {
             return None;
         }
+        self.look_at(held, check, time_ns, sample)
+    }
+
+    fn look_at(
+        &mut self,
+        held: Option<Held<T>>,
+        check: &SampleCheck<T>,
+        time_ns: i64,
+        sample: &Vector3<T>,
+    ) -> Option<Clipped<T>> {
         let largest = sample.amax();
         if largest > self.level * lit(1.001) {
             // It measures beyond: that was no end.

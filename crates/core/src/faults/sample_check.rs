@@ -222,11 +222,16 @@ impl<T: Scalar> SampleCheck<T> {
     /// The largest component of the last sample where it repeats itself while others change.
     #[inline]
     pub fn held(&self) -> Option<Held<T>> {
-        let (_, last) = self.last.as_ref()?;
-        let runs = &self.repeats.component_runs;
-        if runs.iter().all(|run| *run == 0) {
+        // Nearly always none does.
+        if self.repeats.component_runs == [0; 3] {
             return None;
         }
+        self.longest_held()
+    }
+
+    fn longest_held(&self) -> Option<Held<T>> {
+        let (_, last) = self.last.as_ref()?;
+        let runs = &self.repeats.component_runs;
         let largest = last.amax();
         let components = last.iter().zip(runs).zip(&self.recent_change2);
         let held = components
@@ -305,32 +310,42 @@ impl<T: Scalar> SampleCheck<T> {
             self.suspicion = None;
             return Checked::Noise { from_ns };
         }
+        // Nearly always.
+        if self.suspicion.is_none() && !is_far && !was_stuck {
+            self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
+            return match self.clipped_at(sample, &change) {
+                Some(full_scale) => Checked::Saturated { full_scale },
+                None => Checked::Good,
+            };
+        }
         let checked = match self.suspicion {
             // What it repeated says nothing about where it should be now.
             _ if was_stuck => Checked::Good,
             Some(suspicion) => self.judge(suspicion, sample, (&last, dt)),
-            None if is_far => {
-                let jump = change2.sqrt();
-                self.suspicion = Some(Suspicion {
-                    good_ns: last_ns,
-                    good: last,
-                    jump,
-                    largest_jump: jump,
-                    samples: 1,
-                    integral: (last + sample) * (dt * lit(0.5)),
-                });
-                Checked::Suspect
-            }
-            None => {
-                self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
-                Checked::Good
-            }
+            None => self.doubt(sample, (last_ns, &last, dt), change2.sqrt()),
         };
-        let clipped = self.clipped_at(sample, &change);
-        match (checked, clipped) {
+        match (checked, self.clipped_at(sample, &change)) {
             (Checked::Good, Some(full_scale)) => Checked::Saturated { full_scale },
             (checked, _) => checked,
         }
+    }
+
+    /// A sample that is far from the one before it waits.
+    fn doubt(
+        &mut self,
+        sample: &Vector3<T>,
+        (last_ns, last, dt): (i64, &Vector3<T>, T),
+        jump: T,
+    ) -> Checked<T> {
+        self.suspicion = Some(Suspicion {
+            good_ns: last_ns,
+            good: *last,
+            jump,
+            largest_jump: jump,
+            samples: 1,
+            integral: (last + sample) * (dt * lit(0.5)),
+        });
+        Checked::Suspect
     }
 
     #[inline]
@@ -421,6 +436,7 @@ impl<T: Scalar> SampleCheck<T> {
     }
 
     /// A sample that is not the one before.
+    #[inline]
     fn changed(&mut self, change: &Vector3<T>) {
         if self.repeats.run > 0 || self.repeats.is_stuck {
             self.end_run(change);
@@ -428,14 +444,16 @@ impl<T: Scalar> SampleCheck<T> {
         let [_, last] = self.repeats.changes;
         self.repeats.changes = [last, *change];
         let weight = self.weight(SHORT_MEMORY);
-        let mut smallest = self.resolution;
+        let mut smallest = if self.resolution > T::zero() {
+            self.resolution
+        } else {
+            change.amax()
+        };
         for (component, recent2) in change.iter().zip(&mut self.recent_change2) {
             let size = component.abs();
             if size > T::zero() {
                 *recent2 += (size * size - *recent2) * weight;
-                if size < smallest || smallest == T::zero() {
-                    smallest = size;
-                }
+                smallest = lesser(size, smallest);
             }
         }
         self.resolution = smallest;
@@ -458,8 +476,10 @@ impl<T: Scalar> SampleCheck<T> {
 
     /// The end of the range where a component is there: the largest value ever seen, once a component has repeated it
     /// while it should have changed, and others did.
+    #[inline]
     fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
-        if !change.iter().any(T::is_zero) {
+        let zero = T::zero();
+        if change.x != zero && change.y != zero && change.z != zero {
             self.repeats.component_runs = [0; 3];
         } else {
             self.components_repeated(sample, change);

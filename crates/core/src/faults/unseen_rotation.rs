@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, greater, lesser, lit};
 
 /// Memory of the motion just before, and of the whole, s. The larger mean square of the two counts.
 const MEMORY_S: f64 = 10.0;
@@ -59,10 +59,10 @@ impl<T: Scalar> UnseenRotation<T> {
             rate.component_mul(rate),
             derivative.component_mul(&derivative),
         ];
-        self.seen_s = (self.seen_s + dt).min(lit(LONG_MEMORY_S));
+        self.seen_s = lesser(self.seen_s + dt, lit(LONG_MEMORY_S));
         let known = self.seen_s + lit(PRIOR_S);
-        let short = dt / known.min(lit(MEMORY_S)).max(dt);
-        let long = dt / known.max(dt);
+        let short = dt / greater(lesser(known, lit(MEMORY_S)), dt);
+        let long = dt / greater(known, dt);
         for (i, square) in squares.iter().enumerate() {
             self.recent[i] += (square - self.recent[i]) * short;
             self.whole[i] += (square - self.whole[i]) * long;

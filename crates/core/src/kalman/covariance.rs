@@ -27,6 +27,23 @@ pub fn symmetrize<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
     }
 }
 
+/// `A^T P A` of a symmetric matrix of three states, and symmetric to the bit: of its nine elements six are computed.
+#[inline]
+#[must_use]
+pub fn turned3<T: Scalar>(p: &Matrix3<T>, a: &Matrix3<T>) -> Matrix3<T> {
+    let product = |i, j| p[(i, 0)] * a[(0, j)] + p[(i, 1)] * a[(1, j)] + p[(i, 2)] * a[(2, j)];
+    let mut turned = Matrix3::zeros();
+    for j in 0..3 {
+        let [x, y, z] = [product(0, j), product(1, j), product(2, j)];
+        for i in 0..=j {
+            let value = a[(0, i)] * x + a[(1, i)] * y + a[(2, i)] * z;
+            turned[(i, j)] = value;
+            turned[(j, i)] = value;
+        }
+    }
+    turned
+}
+
 /// Lower Cholesky factor, or `None` when the matrix is not positive definite or not finite.
 #[inline]
 pub fn cholesky<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> Option<SMatrix<T, N, N>> {
@@ -340,6 +357,15 @@ mod tests {
                 let expected = (x.transpose() * p.try_inverse().unwrap() * x)[0];
                 prop_assert!((normalized_square(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
                 prop_assert!((normalized_square3(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
+            }
+
+            #[test]
+            fn a_turned_covariance_is_the_product_and_symmetric(a in prop::collection::vec(-1.0..1.0f64, 9), b in prop::collection::vec(-1.0..1.0f64, 9)) {
+                let [a, b] = [a, b].map(|elements| Matrix3::from_column_slice(&elements));
+                let p = a * a.transpose();
+                let turned = turned3(&p, &b);
+                prop_assert!((turned - b.transpose() * p * b).abs().max() < 1e-14);
+                prop_assert_eq!(turned, turned.transpose());
             }
         }
 

@@ -87,8 +87,8 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
         for (out, row) in projected.iter_mut().zip(&rows) {
             for (state, h) in row.elements() {
                 // Symmetric: a row of it is a column.
-                if let Some(column) = covariance.as_slice().chunks_exact(N).nth(*state) {
-                    add_scaled(out, column, *h, active);
+                if let Some(column) = covariance.as_slice().as_chunks::<N>().0.get(*state) {
+                    add_scaled_first(out, column, *h, active);
                 }
             }
         }
@@ -142,7 +142,7 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
                 return false;
             };
             for (k, done) in before.iter().enumerate() {
-                add_scaled(w, done, -l[(i, k)], self.active);
+                add_scaled_first(w, done, -l[(i, k)], self.active);
                 let known = l[(i, k)] * nu[k];
                 nu[i] -= known;
             }
@@ -162,10 +162,52 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
     }
 }
 
-/// `P -= W W^T` for columns `w`, on the first `active` states. Half of it is computed, and the other half is the same numbers: on a chip
-/// without floating point that is most of an update.
+/// Whether the processor computes several numbers at once.
+const HAS_VECTORS: bool = cfg!(any(
+    target_feature = "sse2",
+    target_feature = "neon",
+    target_feature = "simd128"
+));
+
+/// `P -= W W^T` for columns `w`, on the first `active` states, of a symmetric `P`. Either way gives the same numbers.
 #[inline(always)]
 fn subtract_squares<T: Scalar, const N: usize, const M: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    w: &[[T; N]; M],
+    active: usize,
+) {
+    if HAS_VECTORS {
+        subtract_squares_whole(covariance, w, active);
+    } else {
+        subtract_squares_by_half(covariance, w, active);
+    }
+}
+
+/// Whole columns, whose length the compiler knows: with vectors that is less than to find half of them and to copy it.
+#[inline(always)]
+fn subtract_squares_whole<T: Scalar, const N: usize, const M: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    w: &[[T; N]; M],
+    active: usize,
+) {
+    let columns = covariance.as_mut_slice().as_chunks_mut::<N>().0;
+    for (j, column) in columns.iter_mut().enumerate().take(active) {
+        let factors = w.each_ref().map(|w| -w[j]);
+        for i in 0..N {
+            let mut value = column[i];
+            for k in 0..M {
+                value += factors[k] * w[k][i];
+            }
+            column[i] = value;
+        }
+        let removed = factors.iter().fold(T::zero(), |sum, f| sum + *f * *f);
+        column[j] += rounding_reserve(removed);
+    }
+}
+
+/// Half of it is computed, and the other half is the same numbers: on a chip without floating point that is most of an update.
+#[inline(always)]
+fn subtract_squares_by_half<T: Scalar, const N: usize, const M: usize>(
     covariance: &mut SMatrix<T, N, N>,
     w: &[[T; N]; M],
     active: usize,
@@ -195,9 +237,22 @@ fn subtract_squares<T: Scalar, const N: usize, const M: usize>(
     }
 }
 
-/// `out += factor * column`, over the first `active` elements.
+/// `out += factor * column`.
 #[inline(always)]
-pub(crate) fn add_scaled<T: Scalar>(out: &mut [T], column: &[T], factor: T, active: usize) {
+pub(crate) fn add_scaled<T: Scalar, const N: usize>(out: &mut [T; N], column: &[T; N], factor: T) {
+    for (out, value) in out.iter_mut().zip(column) {
+        *out += factor * *value;
+    }
+}
+
+/// The same over the first `active` elements.
+#[inline(always)]
+pub(crate) fn add_scaled_first<T: Scalar, const N: usize>(
+    out: &mut [T; N],
+    column: &[T; N],
+    factor: T,
+    active: usize,
+) {
     // Slices of one length: nothing but the sum is left in the loop.
     if let (Some(out), Some(column)) = (out.get_mut(..active), column.get(..active)) {
         for (out, value) in out.iter_mut().zip(column) {
@@ -245,6 +300,25 @@ mod tests {
             prop_assert!((xj.fixed_rows::<5>(0) - xf).abs().max() < 1e-9);
             prop_assert_eq!((pj.column(5), xj[5]), (p.column(5), 0.0));
             prop_assert_eq!(pj, pj.transpose());
+        }
+
+        /// A processor with vectors and a chip without give the same numbers.
+        #[test]
+        fn whole_columns_and_halves_of_them_are_the_same_to_the_bit(
+            a in prop::collection::vec(-1.0..1.0f64, 36), w in prop::collection::vec(-0.1..0.1f64, 10), active in 3..6_usize,
+        ) {
+            let a = M6::from_column_slice(&a);
+            // Symmetric to the bit, which the product need not be.
+            let p = M6::from_fn(|i, j| (0..6).map(|k| a[(i, k)] * a[(j, k)]).sum());
+            let mut both = [[0.0; 6]; 2];
+            for (column, w) in both.iter_mut().zip(w.chunks(5)) {
+                let count = active.min(5);
+                column[..count].copy_from_slice(&w[..count]);
+            }
+            let (mut whole, mut by_half) = (p, p);
+            subtract_squares_whole(&mut whole, &both, active);
+            subtract_squares_by_half(&mut by_half, &both, active);
+            prop_assert_eq!(whole, by_half);
         }
     }
 

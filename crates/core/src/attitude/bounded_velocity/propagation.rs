@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use super::config::ScaleStates;
 use super::layout::{ATTITUDE, BIAS, CAPACITY, Covariance, Layout, SCALE, VELOCITY};
 use crate::geometry::so3;
-use crate::kalman::sparse_update::add_scaled;
+use crate::kalman::sparse_update::add_scaled_first;
 use crate::scalar::Scalar;
 
 /// What has come together since the covariance was last propagated.
@@ -219,9 +219,8 @@ fn add_columns<T: Scalar>(
     first: usize,
     factors: &Matrix3<T>,
 ) {
-    let mut columns = p.as_slice().chunks_exact(CAPACITY).skip(first);
-    let mut next = || columns.next().and_then(<[T]>::first_chunk::<CAPACITY>);
-    let (Some(a), Some(b), Some(c)) = (next(), next(), next()) else {
+    let columns = p.as_slice().as_chunks::<CAPACITY>().0;
+    let Some([a, b, c, ..]) = columns.get(first..) else {
         return;
     };
     for i in 0..n.min(CAPACITY) {
@@ -242,8 +241,8 @@ fn add_column<T: Scalar>(
     column: usize,
     factor: T,
 ) {
-    if let Some(column) = p.as_slice().chunks_exact(CAPACITY).nth(column) {
-        add_scaled(out, column, factor, n);
+    if let Some(column) = p.as_slice().as_chunks::<CAPACITY>().0.get(column) {
+        add_scaled_first(out, column, factor, n);
     }
 }
 

@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 
 use super::config::BoundedVelocityConfig;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lesser, lit};
 
 /// The slow averages are so many times slower than those that find a rest.
 const SLOWER: f64 = 4.0;
@@ -65,7 +65,7 @@ impl<T: Scalar> Averages<T> {
             slow: *sample,
         });
         let towards =
-            |mean: Vector3<T>, time: T| mean + (sample - mean) * (dt / time).min(T::one());
+            |mean: Vector3<T>, time: T| mean + (sample - mean) * lesser(dt / time, T::one());
         Self {
             smooth: towards(smooth, config.rest_smoothing_s),
             average: towards(average, config.rest_average_s),

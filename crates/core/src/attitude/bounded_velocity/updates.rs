@@ -16,7 +16,7 @@ use crate::kalman::covariance::normalized_square3;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::sparse_update::{Projection, SparseRow};
 use crate::kalman::{Innovation, Outcome, SkipReason};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lesser, lit};
 
 /// After a longer pause of the accelerometer nothing is known about the velocity, s.
 pub const LONGEST_FORCE_INTERVAL_S: f64 = 0.5;
@@ -54,7 +54,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let state = &mut self.state;
         state.velocity += level.xy() * dt;
         let acceleration2 = (level - Vector3::z() * gravity).norm_squared();
-        let share = (dt / self.config.acceleration_average_s).min(T::one());
+        let share = lesser(dt / self.config.acceleration_average_s, T::one());
         state.mean_square_acceleration += (acceleration2 - state.mean_square_acceleration) * share;
         let psd = self.config.velocity_noise_psd(acceleration2, measured);
         let felt = tilt_force(&level, state.has_field);

@@ -13,7 +13,7 @@ use crate::faults::unseen_rotation::UnseenRotation;
 use crate::faults::{Fault, FaultKind, FaultLog, FaultySensor};
 use crate::geometry::{rotation, so3};
 use crate::kalman::SkipReason;
-use crate::scalar::{Scalar, lit, seconds, to_f64};
+use crate::scalar::{Scalar, greater, lit, seconds, to_f64};
 
 /// The last rate is held over so many usual intervals before it relaxes.
 const HELD_INTERVALS: f64 = 3.0;
@@ -244,6 +244,11 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
 
     /// A day without samples is as blind as an hour: the number of steps is bounded.
     fn propagate_in_steps(&mut self, rate: &Vector3<T>, total: T) {
+        if total <= self.config.gap_limit_s {
+            // Nearly always.
+            self.propagate(rate, total);
+            return;
+        }
         let step = self.config.gap_limit_s.max(total * lit(1e-3));
         let mut left = total;
         while left > T::zero() {
@@ -291,7 +296,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         self.memory.now_ns = Some(time_ns);
         // What is missing is applied over what is left of the interval; a sliver of it is not asked to turn at an absurd
         // rate, it passes the rest on to the next interval.
-        let extra = (missing - last * remaining) / remaining.max(whole * lit(0.25));
+        let extra = (missing - last * remaining) / greater(remaining, whole * lit(0.25));
         let applied = last + extra;
         self.memory.passed_on = missing - applied * remaining;
         self.propagate_in_steps(&applied, remaining);

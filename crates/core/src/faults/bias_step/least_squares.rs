@@ -239,12 +239,12 @@ fn of_force<T: Scalar>(
     let gravity = mean(blocks.iter().map(|block| block.force));
     let turning = -gravity.cross_matrix();
     let rows = |drift: &Matrix3<T>| turning * drift;
-    let pairs = || blocks.iter().zip(whole).zip(drifts);
-    let of = |((block, whole), drift): ((&Block<T>, &Matrix3<T>), &Matrix3<T>)| {
-        (rows(drift), block.force - gravity - rows(whole) * before)
-    };
+    let seen: [(Matrix3<T>, Vector3<T>); BLOCKS] = core::array::from_fn(|k| {
+        let y = blocks[k].force - gravity - rows(&whole[k]) * before;
+        (rows(&drifts[k]), y)
+    });
     let mut plain = Evidence::none();
-    for (a, y) in pairs().map(of) {
+    for (a, y) in &seen {
         plain.matrix += a.transpose() * a;
         plain.vector += a.transpose() * y;
     }
@@ -253,7 +253,7 @@ fn of_force<T: Scalar>(
     let (mut velocity, mut sum, mut squares) = (Vector3::zeros(), Vector3::zeros(), T::zero());
     // Their part in the sums: each velocity ends one block and begins the next.
     let (mut last, mut spread) = (Matrix3::zeros(), Matrix3::zeros());
-    for ((a, y), block) in pairs().map(of).zip(blocks) {
+    for ((a, y), block) in seen.iter().zip(blocks) {
         velocity += (y - a * bias) * block.length_s;
         sum += velocity;
         squares += velocity.norm_squared();
@@ -290,14 +290,13 @@ fn of_field<T: Scalar>(
     let turning = -place.cross_matrix();
     let axes = |block: &Block<T>| block.whole / block.length_s;
     let mean_axes = blocks.iter().fold(Matrix3::zeros(), |s, b| s + axes(b)) / count;
-    let pairs = || blocks.iter().zip(whole).zip(drifts);
-    let of = |((block, whole), drift): ((&Block<T>, &Matrix3<T>), &Matrix3<T>)| {
-        let y = block.field - place - turning * whole * before;
-        (turning * drift, axes(block) - mean_axes, y)
-    };
+    let rows: [(Matrix3<T>, Matrix3<T>, Vector3<T>); BLOCKS] = core::array::from_fn(|k| {
+        let y = blocks[k].field - place - turning * whole[k] * before;
+        (turning * drifts[k], axes(&blocks[k]) - mean_axes, y)
+    });
     let (mut bias, mut iron) = (Evidence::none(), Evidence::none());
     let mut crossed = Matrix3::zeros();
-    for (a, h, y) in pairs().map(of) {
+    for (a, h, y) in &rows {
         bias.matrix += a.transpose() * a;
         bias.vector += a.transpose() * y;
         crossed += a.transpose() * h;
@@ -316,7 +315,7 @@ fn of_field<T: Scalar>(
     let (step, _) = seen.solve_weakly();
     let hard_iron = root.solve(&(iron.vector - crossed.transpose() * step));
     let (mut squares, mut products, mut last) = (T::zero(), T::zero(), Vector3::zeros());
-    for (a, h, y) in pairs().map(of) {
+    for (a, h, y) in &rows {
         let error = y - a * step - h * hard_iron;
         squares += error.norm_squared();
         products += error.dot(&last);

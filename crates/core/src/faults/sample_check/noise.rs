@@ -106,7 +106,7 @@ impl<T: Scalar> WhiteNoise<T> {
         if is_noise {
             self.since_ns.get_or_insert(last_ns);
             self.calm = 0;
-        } else {
+        } else if self.since_ns.is_some() {
             self.calm = self.calm.saturating_add(1);
             if self.calm >= CALM {
                 self.since_ns = None;

@@ -134,7 +134,7 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
     for (i, (row, out)) in measurement.rows.iter().zip(&mut projected).enumerate() {
         for (state, h) in row.elements() {
             if let Some(column) = covariance.data.0.get(*state) {
-                add_scaled(out, column, *h / std[i], ALIGNMENT_ERRORS);
+                add_scaled(out, column, *h / std[i]);
             }
         }
         off[i] -= row.dot(error.as_slice());
@@ -156,11 +156,12 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
     for i in 0..M {
         let mut column = [T::zero(); ALIGNMENT_ERRORS];
         for (k, h) in projected.iter().enumerate().take(i + 1) {
-            add_scaled(&mut column, h, gain[(i, k)], ALIGNMENT_ERRORS);
+            add_scaled(&mut column, h, gain[(i, k)]);
         }
-        add_scaled(error.as_mut_slice(), &column, whitened[i], ALIGNMENT_ERRORS);
+        let [error] = &mut error.data.0;
+        add_scaled(error, &column, whitened[i]);
         for (j, (out, factor)) in covariance.data.0.iter_mut().zip(column).enumerate() {
-            add_scaled(out, &column, -factor, ALIGNMENT_ERRORS);
+            add_scaled(out, &column, -factor);
             if let Some(variance) = out.get_mut(j) {
                 *variance += rounding_reserve(factor * factor);
             }

@@ -2,9 +2,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::shrink::{add_scaled, scaled};
+use super::shrink::scaled;
 use super::{Row, SIDE, SparseMeasurement};
 use crate::kalman::covariance::resolvable_variance;
+use crate::kalman::sparse_update::add_scaled;
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::{ERRORS, STATES};
 use crate::scalar::Scalar;

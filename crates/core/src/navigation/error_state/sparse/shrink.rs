@@ -7,6 +7,7 @@ use nalgebra::SMatrix;
 
 use super::expected::{Projected, Used};
 use crate::kalman::covariance::rounding_reserve;
+use crate::kalman::sparse_update::add_scaled;
 use crate::navigation::STATES;
 use crate::navigation::augmented_states::AugmentedStates;
 use crate::scalar::{Scalar, lit};
@@ -109,13 +110,5 @@ pub(super) fn scaled<T: Scalar, const N: usize>(column: &[T; N], factor: T) -> [
         *column
     } else {
         column.map(|value| value * factor)
-    }
-}
-
-/// `out += factor * column`.
-#[inline(always)]
-pub(super) fn add_scaled<T: Scalar, const N: usize>(out: &mut [T; N], column: &[T; N], factor: T) {
-    for (out, value) in out.iter_mut().zip(column) {
-        *out += factor * *value;
     }
 }
