@@ -310,21 +310,18 @@ impl<T: Scalar> SampleCheck<T> {
             self.suspicion = None;
             return Checked::Noise { from_ns };
         }
-        // Nearly always.
-        if self.suspicion.is_none() && !is_far && !was_stuck {
-            self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
-            return match self.clipped_at(sample, &change) {
-                Some(full_scale) => Checked::Saturated { full_scale },
-                None => Checked::Good,
-            };
-        }
+        let clipped = self.clipped_at(sample, &change);
         let checked = match self.suspicion {
             // What it repeated says nothing about where it should be now.
             _ if was_stuck => Checked::Good,
             Some(suspicion) => self.judge(suspicion, sample, (&last, dt)),
-            None => self.doubt(sample, (last_ns, &last, dt), change2.sqrt()),
+            None if is_far => self.doubt(sample, (last_ns, &last, dt), change2.sqrt()),
+            None => {
+                self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
+                Checked::Good
+            }
         };
-        match (checked, self.clipped_at(sample, &change)) {
+        match (checked, clipped) {
             (Checked::Good, Some(full_scale)) => Checked::Saturated { full_scale },
             (checked, _) => checked,
         }

@@ -131,7 +131,7 @@ parameters! {
         "random walk of its offset";
     damping_speed_m_s: T, "m/s", From(0.0, 1e4), [15.0],
         "horizontal speed that is prior knowledge, one standard deviation an axis; 0: no damping",
-        "76 km/h in all, a road vehicle; the fastest of the last minutes, from 3 m/s on, where that was slower. It damps the velocity in an outage, when nothing else measures it. Raising it",
+        "76 km/h in all, a road vehicle; the fastest of the last minutes, as well as that is known, where that was slower. It damps the velocity in an outage, when nothing else measures it. Raising it",
         "lets dead reckoning run away further; lowering it below the speeds that are driven pulls them down.";
     damping_time_s: T, "s", From(1e-3, 1e6), [15.0],
         "how long a speed lasts: once in that time the prior counts as a measurement";

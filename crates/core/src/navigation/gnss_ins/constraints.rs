@@ -22,8 +22,8 @@ const STANDING_RATE_STD: f64 = 1e-3;
 pub const CONSTRAINT_INTERVAL_S: f64 = 0.2;
 /// The velocity is damped when no receiver has measured it for so long, s.
 const DAMPED_AFTER_S: f64 = 2.0;
-/// Speed (m/s) that any vehicle may reach in an outage, however slow it was before.
-const SLOWEST_M_S: f64 = 3.0;
+/// A speed in an outage that is so many standard deviations is one.
+const MOVING_SIGMAS: f64 = 2.0;
 
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     pub(super) fn is_constraint_due(&self) -> bool {
@@ -61,6 +61,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Pulls the velocity towards zero as weakly as its prior says over `duration`, when nothing has measured it (E31).
     pub(super) fn damp(&mut self, duration: T) {
+        self.note_speed_in_outage(duration);
         let Some(variance) = self.damping_variance(duration) else {
             return;
         };
@@ -73,12 +74,28 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             .fuse_sparse(side, &m, &mut open, T::zero(), &mut listener);
     }
 
+    /// How fast the vehicle may have been as an outage began, and may have become in it as far as the estimate is sure of that.
+    fn note_speed_in_outage(&mut self, duration: T) {
+        let since = self.memory.since_velocity - lit(DAMPED_AFTER_S);
+        if since <= T::zero() || self.memory.fastest <= T::zero() {
+            return;
+        }
+        let state = self.filter.state();
+        let (speed, std) = (state.velocity.xy().norm(), state.velocity_std().xy().norm());
+        let seen = if since <= duration {
+            speed + std
+        } else {
+            speed - std * lit(MOVING_SIGMAS)
+        };
+        self.memory.fastest = self.memory.fastest.max(seen);
+    }
+
     /// Variance ((m/s)^2) with which the velocity is taken to be zero for `duration` seconds; `None` where something measures it
     /// (E31).
     pub fn damping_variance(&self, duration: T) -> Option<T> {
         let mut std = self.config.damping_speed_m_s;
         if self.memory.fastest > T::zero() {
-            std = std.min(self.memory.fastest.max(lit(SLOWEST_M_S)));
+            std = std.min(self.memory.fastest);
         }
         let measured = self.memory.since_velocity <= lit(DAMPED_AFTER_S);
         let none = measured || std <= T::zero() || duration <= T::zero() || !self.memory.started;

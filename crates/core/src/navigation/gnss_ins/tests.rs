@@ -5,6 +5,7 @@ mod faults;
 mod limits;
 mod magnetometer;
 mod models;
+mod outages;
 mod standing;
 mod start_in_motion;
 mod without_samples;
