@@ -97,11 +97,13 @@ impl<T: Scalar> Hypothesis<T> {
         })
     }
 
-    /// Log evidence for fixes that jump in one of the newest [`LOOKED_AT`] intervals, and stay there.
+    /// Log evidence for fixes that jump in one of the newest [`LOOKED_AT`] intervals, and stay there. With `has_first` not in the first of
+    /// them: that is a first fix that is an outlier.
     fn gain_of_jump(
         &self,
         intervals: &[Interval<T>],
         unexplained: &Unexplained<T>,
+        has_first: bool,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<T> {
         let learnt = unexplained.learnt;
@@ -109,7 +111,7 @@ impl<T: Scalar> Hypothesis<T> {
         let (mut before, mut evidence) = (self.anchor, T::zero());
         for (i, interval) in intervals.iter().enumerate() {
             let rest = intervals.get(i..).unwrap_or_default();
-            if rest.len() <= LOOKED_AT {
+            if rest.len() <= LOOKED_AT && !(has_first && i == 0) {
                 let about = Linearization::at(&before.mean);
                 let jumped = before.with_jump(unexplained.newest);
                 if let Some(jumped) = pass(&jumped, &about, rest, learnt, config) {
@@ -167,7 +169,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         else {
             return;
         };
-        let outlier = best
+        let outlier = bank
             .likeliest_outlier(intervals, &unexplained, has_first, config)
             .filter(|outlier| outlier.gain > T::zero());
         let may_have_stepped = bank.fixes >= FEWEST_FOR_STEP && unseen == 0;
@@ -178,7 +180,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         if outlier.is_none() && step.is_none() {
             return;
         }
-        let Some(jump) = best.gain_of_jump(intervals, &unexplained, config) else {
+        let Some(jump) = best.gain_of_jump(intervals, &unexplained, has_first, config) else {
             return;
         };
         let outlier = outlier.filter(|outlier| outlier.gain > jump);

@@ -44,6 +44,21 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         self.order();
     }
 
+    /// Takes headings around the horizon into the free places, as likely as the best one: what was wrong may have dropped them.
+    pub(in super::super) fn refill(&mut self, intervals: &[Interval<T>]) {
+        let Some(best) = self.best().copied() else {
+            return;
+        };
+        let free = K - self.count.min(K);
+        let step = T::two_pi() / lit((free + 1) as f64);
+        let std = first_heading_std::<T>(K);
+        for (k, hypothesis) in self.hypotheses.iter_mut().rev().take(free).enumerate() {
+            let offset = step * lit((k + 1) as f64);
+            *hypothesis = best.with_heading([offset, std, T::zero()], intervals);
+        }
+        self.count = K;
+    }
+
     /// Density of the mixture's headings before the window, `offset` (rad) from the best one, but for a constant, when each
     /// hypothesis is divided into narrower ones of `std`.
     fn heading_density(&self, offset: T, std: T, config: &InMotionAlignmentConfig<T>) -> T {
