@@ -30,6 +30,8 @@ const FEW_FIXES: u32 = 5;
 /// Among so many first positions a NIS of more says that one of them is wrong.
 const EARLY_FIXES: u32 = 5;
 const CONTRADICTING_NIS: f64 = 100.0;
+/// Each first fix in a row that the second contradicts doubles the speed that is possible, so many times at most.
+const MOST_DOUBLINGS: u32 = 3;
 /// A tilt less certain than this (rad) is beyond all linearisation: down is better known from the force alone.
 const LOST_TILT_STD: f64 = 0.7;
 /// NIS of three components beyond which a position disagrees: one in thirty does by chance.
@@ -70,6 +72,14 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         let impossible = off.norm() > t.max(T::one()) * lit(FASTEST_M_S);
         if impossible || (fixes < EARLY_FIXES && self.contradicts(&fix)) {
             let memory = &mut self.memory;
+            let is_first = fixes == 0 && memory.restarts == memory.impossible;
+            if is_first {
+                // One of two is wrong, and a receiver that wakes up tells first where it was.
+                let times = memory.impossible.saturating_add(1);
+                self.begin_again(&fix);
+                self.memory.impossible = times;
+                return AlignmentUpdate::skipped(SkipReason::OutOfRange);
+            }
             // Gross errors do not lie together, fixes of another place do.
             let apart = (fix.ned - memory.impossible_ned).xy().norm();
             if apart > t.max(T::one()) * lit(TOGETHER_M_S) {
@@ -104,7 +114,10 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         if !fix.has_height {
             off.z = T::zero();
         }
-        normalized_square3(&off, &expected).is_none_or(|nis| nis > lit(CONTRADICTING_NIS))
+        // What moves so fast contradicts its first fix again and again.
+        let times = self.memory.impossible.min(MOST_DOUBLINGS) as i32;
+        let limit = lit::<T>(CONTRADICTING_NIS) * lit::<T>(4.0).powi(times);
+        normalized_square3(&off, &expected).is_none_or(|nis| nis > limit)
     }
 
     /// The position with its standard deviations held to the floor, and without what was not measured.

@@ -128,13 +128,28 @@ fn gross_errors_that_lie_apart_are_no_other_place() {
     assert_eq!(run.made.restarts(), 0);
 }
 
-/// A first fix of long ago, on a vehicle that stays and on an aircraft, whose fixes lie further apart.
+/// A first fix of long ago, on a vehicle that stays and on aircraft; what is faster than can be expected contradicts its first fix, too.
 #[test]
-fn fixes_that_lie_together_are_another_place_for_an_aircraft_too() {
-    for speed in [0.0, 150.0] {
-        let stale = |t: f64| Vector3::y() * if t < 1.5 { 4e5 } else { 0.0 };
+fn it_begins_again_behind_a_first_fix_of_long_ago() {
+    for (speed, of_long_ago, restarts) in [
+        (0.0, 4e5, 1),
+        (150.0, 4e5, 1),
+        (250.0, 4e5, 1),
+        (250.0, 0.0, 1),
+        (700.0, 0.0, 2),
+    ] {
+        let stale = |t: f64| Vector3::y() * if t < 1.5 { of_long_ago } else { 0.0 };
         let run = circles(30, 1, speed, stale);
         assert!(run.error < 0.5, "{speed} {}", run.error);
-        assert_eq!(run.made.restarts(), 1);
+        assert_eq!(run.made.restarts(), restarts, "{speed}");
     }
+}
+
+/// Later a fix far away is another place only where one more lies there.
+#[test]
+fn one_fix_elsewhere_among_the_first_few_is_none() {
+    let elsewhere = |t: f64| Vector3::y() * if (t - 3.0).abs() < 0.5 { 4e5 } else { 0.0 };
+    let run = circles(30, 1, 0.0, elsewhere);
+    assert!(run.error < 0.2, "{}", run.error);
+    assert_eq!(run.made.restarts(), 0);
 }
