@@ -46,7 +46,8 @@
 //!
 //! Cost: an inertial sample is one preintegration, about 400 multiplications, whatever the number of hypotheses; a fix
 //! is at most `HYPOTHESES` times `WINDOW` steps of 19 states, and where one is far off and an outlier or a
-//! step of a bias is looked for, up to 30 times `WINDOW` more, and all hypotheses twice where it is found. Memory in single
+//! step of a bias is looked for, up to 30 times `WINDOW` more, all hypotheses twice for the first fix while it is in the window,
+//! and twice where an outlier is found. Memory in single
 //! precision: 1.8 KB a hypothesis and 490 bytes an interval, 12 KB for four and eight.
 
 mod bank;
