@@ -115,8 +115,17 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             off.z = T::zero();
         }
         // What moves so fast contradicts its first fix again and again.
-        let times = self.memory.impossible.min(MOST_DOUBLINGS) as i32;
-        let limit = lit::<T>(CONTRADICTING_NIS) * lit::<T>(4.0).powi(times);
+        let is_second = self
+            .memory
+            .bank
+            .as_ref()
+            .is_some_and(|bank| bank.fixes == 0);
+        let doublings = if is_second {
+            self.memory.impossible.min(MOST_DOUBLINGS)
+        } else {
+            0
+        };
+        let limit = lit::<T>(CONTRADICTING_NIS) * lit(f64::from(1_u32 << (2 * doublings)));
         normalized_square3(&off, &expected).is_none_or(|nis| nis > limit)
     }
 
