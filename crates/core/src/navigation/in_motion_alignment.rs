@@ -201,7 +201,8 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         self.memory.bank.as_ref().map_or(0, |b| b.in_use().len())
     }
 
-    /// How often it began again: after a gap, where fixes disagreed with all that was before, and where the tilt was lost.
+    /// How often it began again: after a gap, where fixes disagreed with all that was before, where the tilt was lost, and from a filter's
+    /// state.
     pub fn restarts(&self) -> u32 {
         self.memory.restarts
     }

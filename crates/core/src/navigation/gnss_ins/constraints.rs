@@ -22,8 +22,8 @@ const STANDING_RATE_STD: f64 = 1e-3;
 pub const CONSTRAINT_INTERVAL_S: f64 = 0.2;
 /// The velocity is damped when no receiver has measured it for so long, s.
 const DAMPED_AFTER_S: f64 = 2.0;
-/// A speed in an outage that is so many standard deviations is one.
-const MOVING_SIGMAS: f64 = 2.0;
+/// The estimate is sure of a speed less so many standard deviations.
+const SURE_SIGMAS: f64 = 2.0;
 
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     pub(super) fn is_constraint_due(&self) -> bool {
@@ -77,7 +77,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// How fast the vehicle may have been as an outage began, and may have become in it as far as the estimate is sure of that.
     fn note_speed_in_outage(&mut self, duration: T) {
         let since = self.memory.since_velocity - lit(DAMPED_AFTER_S);
-        if since <= T::zero() || self.memory.fastest <= T::zero() {
+        let was_seen = self.memory.started && self.memory.fastest > T::zero();
+        if since <= T::zero() || !was_seen {
             return;
         }
         let state = self.filter.state();
@@ -85,7 +86,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let seen = if since <= duration {
             speed + std
         } else {
-            speed - std * lit(MOVING_SIGMAS)
+            speed - std * lit(SURE_SIGMAS)
         };
         self.memory.fastest = self.memory.fastest.max(seen);
     }

@@ -117,6 +117,11 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         self.hypotheses.get_mut(..self.count).unwrap_or_default()
     }
 
+    /// Whether a window holds all fixes behind the first one.
+    pub(super) fn is_whole(&self, intervals: &[Interval<T>]) -> bool {
+        self.fixes as usize == intervals.len()
+    }
+
     /// The best one.
     pub(super) fn best(&self) -> Option<&Hypothesis<T>> {
         self.in_use().first()

@@ -162,7 +162,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
             return;
         }
         let intervals = self.window.intervals_mut();
-        let has_first = bank.fixes as usize == intervals.len();
+        let has_first = bank.is_whole(intervals);
         let best = bank.best();
         let Some((best, unexplained)) =
             best.and_then(|best| Some((best, best.unexplained(intervals, bank.scale, config)?)))

@@ -72,6 +72,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         let impossible = off.norm() > t.max(T::one()) * lit(FASTEST_M_S);
         if impossible || (fixes < EARLY_FIXES && self.contradicts(&fix)) {
             let memory = &mut self.memory;
+            // Whenever it began again so far, it was for this.
             let is_first = fixes == 0 && memory.restarts == memory.impossible;
             if is_first {
                 // One of two is wrong, and a receiver that wakes up tells first where it was.
@@ -330,6 +331,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     pub(in crate::navigation) fn begin_from(&mut self, state: &NavigationState<T>, scale: T) {
         let memory = &mut self.memory;
         memory.forget_window();
+        memory.restarts = memory.restarts.saturating_add(1);
         memory.scale = scale;
         memory.prior = Some(AttitudePrior::of_state(state).loosened());
     }

@@ -151,7 +151,7 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
                 }
             }
         }
-        if self.fixes as usize == intervals.len() {
+        if self.is_whole(intervals) {
             self.refill(intervals);
         }
         let scale = self.scale;

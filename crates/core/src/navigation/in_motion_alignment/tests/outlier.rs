@@ -153,3 +153,26 @@ fn one_fix_elsewhere_among_the_first_few_is_none() {
     assert!(run.error < 0.2, "{}", run.error);
     assert_eq!(run.made.restarts(), 0);
 }
+
+/// What begins from a filter's state knows a heading, which it would lose to a second fix that is an outlier.
+#[test]
+fn behind_a_state_that_is_known_the_second_fix_is_none_either() {
+    let mut made = circles(30, 1, 0.0, |_| Vector3::zeros()).made;
+    let (state, _) = made.hand_over().unwrap();
+    made.begin_from(&state, 1.0);
+    let begun = made.restarts();
+    for (second, off) in [(0, 0.0), (1, 4e5), (2, 0.0)] {
+        let ned = state.position + Vector3::y() * off;
+        let fix = GnssPosition {
+            ned,
+            std: Vector3::repeat(1.0),
+            has_height: true,
+        };
+        made.gnss_position(&fix);
+        assert_eq!(made.restarts(), begun, "{second}");
+        for _ in 0..100 {
+            made.propagate(&Vector3::zeros(), &-Vector3::z().scale(9.806_65), 0.01)
+                .unwrap();
+        }
+    }
+}
