@@ -38,6 +38,7 @@ pub fn run_seed(campaign_seed: u64, run: u64) -> u64 {
 }
 
 /// One draw from the standard normal distribution.
+#[inline]
 pub fn standard_normal(stream: &mut Stream) -> f64 {
     StandardNormal.sample(stream)
 }

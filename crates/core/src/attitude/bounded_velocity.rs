@@ -71,7 +71,7 @@ use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartU
 use crate::faults::bias_step::{Learnt, Resumed};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::{cap_variance, turned3, undrown};
+use crate::kalman::covariance::{cap_variance, part, turned3, undrown};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
@@ -325,11 +325,7 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
 
     /// `R^T P R` of the attitude block, with the tilt that an accelerometer's bias hides (B22, B22b).
     fn attitude_covariance(&self) -> Option<Matrix3<T>> {
-        let p: Matrix3<T> = self
-            .state
-            .covariance
-            .fixed_view::<3, 3>(ATTITUDE, ATTITUDE)
-            .into_owned();
+        let p: Matrix3<T> = part(&self.state.covariance, ATTITUDE, ATTITUDE);
         let p = p + self.unseen_tilt();
         let r = self.state.level_from_body.to_rotation_matrix().into_inner();
         let mut turned = turned3(&p, &r);
@@ -338,8 +334,8 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
     }
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
-        let p = self.state.covariance.fixed_view::<3, 3>(BIAS, BIAS);
-        Some((self.state.gyroscope_bias, p.into_owned()))
+        let p = part(&self.state.covariance, BIAS, BIAS);
+        Some((self.state.gyroscope_bias, p))
     }
 
     fn start_uncertainty(&self) -> StartUncertainty<T> {

@@ -34,7 +34,7 @@ use super::{
 use crate::faults::bias_step::Resumed;
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::{cap_attitude, undrown_attitude};
+use crate::kalman::covariance::{cap_attitude, part, undrown_attitude};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
@@ -148,7 +148,7 @@ impl<T: Scalar> Mekf<T> {
             self.state.covariance = before;
             return measurement.conclude(false);
         }
-        let a: Vector3<T> = correction.fixed_rows::<3>(0).into_owned();
+        let a: Vector3<T> = part(&correction, 0, 0);
         let bias = self.state.gyroscope_bias + correction.fixed_rows::<3>(3);
         if !(a.norm_squared().is_finite() && is_possible_bias(&bias)) {
             self.state.covariance = before;
@@ -166,7 +166,7 @@ impl<T: Scalar> Mekf<T> {
 /// The attitude block of the covariance.
 #[inline]
 fn attitude_block<T: Scalar>(p: &Matrix6<T>) -> Matrix3<T> {
-    p.fixed_view::<3, 3>(0, 0).into_owned()
+    part(p, 0, 0)
 }
 
 /// `P <- G P G^T` with `G = blockdiag(gibbs_reset_jacobian(a), I)`, in place.
@@ -174,7 +174,7 @@ fn attitude_block<T: Scalar>(p: &Matrix6<T>) -> Matrix3<T> {
 fn reset<T: Scalar>(p: &mut Matrix6<T>, a: &Vector3<T>) {
     let g = so3::gibbs_reset_jacobian(a);
     let p11 = attitude_block(p);
-    let p12: Matrix3<T> = p.fixed_view::<3, 3>(0, 3).into_owned();
+    let p12: Matrix3<T> = part(p, 0, 3);
     let left = g * p11;
     let cross = g * p12;
     for j in 0..3 {
@@ -297,7 +297,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
     }
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
-        let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
+        let p = part(&self.state.covariance, 3, 3);
         Some((self.state.gyroscope_bias, p))
     }
 

@@ -21,6 +21,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 
 use crate::geometry::so3;
 use crate::kalman::SkipReason;
+use crate::kalman::covariance::part;
 use crate::scalar::{Scalar, lit};
 
 /// The rate (rad/s) that turns the body over `dt`, bias removed; `None` where there is nothing to
@@ -113,9 +114,9 @@ pub fn propagate_covariance<T: Scalar>(
 ) {
     let (phi11, phi12) = transition_blocks(angular_rate, dt);
     let [q11, q12, q22] = process_noise(angle_noise_psd, bias_walk_psd, dt);
-    let p11: Matrix3<T> = p.fixed_view::<3, 3>(0, 0).into_owned();
-    let p12: Matrix3<T> = p.fixed_view::<3, 3>(0, 3).into_owned();
-    let p22: Matrix3<T> = p.fixed_view::<3, 3>(3, 3).into_owned();
+    let p11: Matrix3<T> = part(p, 0, 0);
+    let p12: Matrix3<T> = part(p, 0, 3);
+    let p22: Matrix3<T> = part(p, 3, 3);
 
     // Rows of Phi P: [A B] = [Phi11 Phi12] P, then P11 = A Phi11^T + B Phi12^T, P12 = B.
     let a = phi11 * p11 + phi12 * p12.transpose();

@@ -52,7 +52,7 @@ use super::{
 use crate::geometry::so3;
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{
-    cap_variance, forget_correlations_unless_resolved, is_resolved, semidefinite_factor,
+    cap_variance, forget_correlations_unless_resolved, is_resolved, part, semidefinite_factor,
     symmetrize, undrown,
 };
 use crate::kalman::scalar_update::update_full;
@@ -295,7 +295,7 @@ fn from_wxyz<T: Scalar>(q: &Vector4<T>) -> UnitQuaternion<T> {
 }
 
 fn quaternion_block<T: Scalar>(p: &Matrix7<T>) -> Matrix4<T> {
-    p.fixed_view::<4, 4>(0, 0).into_owned()
+    part(p, 0, 0)
 }
 
 /// `Xi(q) r = q * (0, r)`, with `q` as w, x, y, z.

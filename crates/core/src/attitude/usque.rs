@@ -58,7 +58,7 @@ use super::vector_sensor::VectorSensor;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{
-    cap_attitude, cholesky, is_resolved, mirror_upper, resolvable_variance, rounding_reserve,
+    cap_attitude, cholesky, is_resolved, mirror_upper, part, resolvable_variance, rounding_reserve,
 };
 use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
@@ -351,7 +351,7 @@ fn largest_variances<T: Scalar>(config: &AttitudeConfig<T>) -> Vector6<T> {
 
 /// The attitude block of the covariance.
 fn attitude_block<T: Scalar>(p: &Matrix6<T>) -> Matrix3<T> {
-    p.fixed_view::<3, 3>(0, 0).into_owned()
+    part(p, 0, 0)
 }
 
 /// `P <- G P G^T` with `G = blockdiag(reset_jacobian(p), I)`.
@@ -458,7 +458,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
     }
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
-        let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
+        let p = part(&self.state.covariance, 3, 3);
         Some((self.state.gyroscope_bias, p))
     }
 

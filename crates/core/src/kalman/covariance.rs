@@ -4,6 +4,16 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::scalar::{Scalar, lit};
 
+/// The part of `R` rows and `C` columns that begins at this row and column; the matrix must hold it. Compilers inline this more readily than
+/// `fixed_view(..).into_owned()`, which costs a call and a copy element by element.
+pub(crate) fn part<T: Scalar, const R: usize, const C: usize, const N: usize, const M: usize>(
+    matrix: &SMatrix<T, N, M>,
+    row: usize,
+    column: usize,
+) -> SMatrix<T, R, C> {
+    SMatrix::from_fn(|i, j| matrix[(row + i, column + j)])
+}
+
 /// Copies the upper triangle over the lower one.
 #[inline]
 pub fn mirror_upper<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
@@ -79,20 +89,41 @@ pub fn is_covariance<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>, tolerance:
     }
     let least = lit(LEAST_STD);
     let std = variances.map(|v| v.sqrt().max(least));
+    let inverse = std.map(|s| T::one() / s);
     let mut correlation = SMatrix::<T, N, N>::from_diagonal_element(T::one() + tolerance);
     for i in 0..N {
         for j in 0..i {
-            let (lower, scale) = (p[(i, j)], std[i] * std[j]);
+            let lower = p[(i, j)];
             // Not below: what is not a number must not pass.
             let asymmetry = (lower - p[(j, i)]).abs();
             // Not finite is not symmetric either.
-            if !asymmetry.is_finite() || asymmetry > tolerance * scale {
+            if !asymmetry.is_finite() || asymmetry > tolerance * (std[i] * std[j]) {
                 return false;
             }
-            correlation[(i, j)] = lower / scale;
+            correlation[(i, j)] = lower * inverse[i] * inverse[j];
         }
     }
-    cholesky(&correlation).is_some()
+    has_positive_pivots(correlation)
+}
+
+/// Whether a symmetric matrix, of which the lower triangle is given, is positive definite and finite: `L D L^T` without roots,
+/// one division a column.
+fn has_positive_pivots<T: Scalar, const N: usize>(mut p: SMatrix<T, N, N>) -> bool {
+    for j in 0..N {
+        let pivot = p[(j, j)];
+        if !(pivot > T::zero() && pivot.is_finite()) {
+            return false;
+        }
+        let inverse = T::one() / pivot;
+        for k in (j + 1)..N {
+            let weight = p[(k, j)] * inverse;
+            for i in k..N {
+                let product = p[(i, j)] * weight;
+                p[(i, k)] -= product;
+            }
+        }
+    }
+    true
 }
 
 /// `x^T P^-1 x` for a positive definite `P` (NIS, NEES); `None` when `P` is not.

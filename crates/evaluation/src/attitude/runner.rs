@@ -127,10 +127,16 @@ where
     X: std::error::Error + Send + Sync + 'static,
 {
     let ignored = options.reference == ReferenceUse::Ignored;
-    let events = events
-        .into_iter()
-        .filter(|event| !(ignored && event.as_ref().is_ok_and(is_reference)))
-        .map(|event| event.map(|event| options.calibrated(event)));
+    let mut events = events.into_iter();
+    // A loop, where `filter` and `map` would hand every event on by value twice more.
+    let events = std::iter::from_fn(|| {
+        loop {
+            match events.next()? {
+                Ok(event) if ignored && is_reference(&event) => {}
+                event => return Some(event.map(|event| options.calibrated(event))),
+            }
+        }
+    });
     let events = Aligned::new(events, options.reference.alignment());
     let mut instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));

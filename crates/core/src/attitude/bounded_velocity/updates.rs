@@ -12,7 +12,7 @@ use super::{BoundedVelocity, BoundedVelocityConfig, BoundedVelocityState, field_
 use crate::attitude::CompassHeading;
 use crate::attitude::vector_sensor::{LONGEST, Weighed};
 use crate::geometry::{rotation, so3};
-use crate::kalman::covariance::normalized_square3;
+use crate::kalman::covariance::{normalized_square3, part};
 use crate::kalman::innovation::check_vector;
 use crate::kalman::sparse_update::{Projection, SparseRow};
 use crate::kalman::{Innovation, Outcome, SkipReason};
@@ -114,7 +114,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let rows = [VELOCITY, VELOCITY + 1].map(SparseRow::of_state);
         let projection = Projection::new(p, active, rows);
         let innovation = velocity_innovation(&residual, &projection.predicted, variance);
-        let bias_covariance = p.fixed_view::<3, 3>(BIAS, BIAS).into_owned();
+        let bias_covariance = part(p, BIAS, BIAS);
         let mut done = projection.fuse(p, &mut x, &residual, variance);
         if lasts && !state.has_field {
             let up = state.level_from_body.inverse() * Vector3::z();
@@ -127,7 +127,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             done = projection.fuse(p, &mut x, &still, (white + turn_psd) / time) && done;
         }
         if !looks {
-            let known = p.fixed_view::<3, 3>(BIAS, BIAS).into_owned();
+            let known = part(p, BIAS, BIAS);
             let bias = &state.gyroscope_bias;
             if let Some(zero) = state.bias_prior.narrow(config, bias, &known, time) {
                 let row = SparseRow::of_state(BIAS + zero.axis);
@@ -204,9 +204,9 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             let psd = of_hand.max(state.velocity_noise.psd());
             return psd.min(config.rest_velocity_psd + motion);
         }
-        let covariance = state.covariance.fixed_view::<2, 2>(VELOCITY, VELOCITY);
+        let covariance = part(&state.covariance, VELOCITY, VELOCITY);
         let (velocity, time) = (state.velocity, state.since_velocity_update);
-        (state.velocity_noise).learn(config, &velocity, &covariance.into_owned(), time);
+        (state.velocity_noise).learn(config, &velocity, &covariance, time);
         let psd = of_hand.max(state.velocity_noise.psd());
         (state.speed_hypotheses.psd(config)).map_or(psd, |of_vehicle| psd.max(of_vehicle))
     }

@@ -13,6 +13,11 @@ const LARGEST_OFFSET_S: f64 = 60.0;
 const COARSE_S: f64 = 0.05;
 /// Steps of the offset in the last search, s.
 const FINE_S: f64 = 0.01;
+/// Up to so many windows the first search looks at all of them at every offset.
+const MANY_WINDOWS: usize = 300;
+/// How much less than the best of all offsets the right one may correlate by chance where some windows are looked at, standard
+/// deviations: the best is the luckiest of thousands.
+const CHANCE_STD: f64 = 8.0;
 /// Length of a stretch, s.
 const STRETCH_S: f64 = 10.0;
 /// Fewest windows of a stretch.
@@ -248,14 +253,38 @@ impl Grid {
             .collect()
     }
 
-    /// As [`correlation`] at an offset of so many steps.
-    fn correlation(&self, places: &[(i64, f64)], steps: i64) -> Option<f64> {
+    /// The offset of at most so many steps at which the windows correlate best. Where they are many, some of them, spread over
+    /// the recording, say first which offsets cannot be it.
+    fn best(&self, windows: &[Window], reach: i64) -> Option<i64> {
+        let places = Self::places(windows);
+        let highest = |a: &(i64, f64), b: &(i64, f64)| a.1.total_cmp(&b.1);
+        let with_all = |k: i64| Some((k, self.correlation(&places, places.len(), k)?));
+        if places.len() <= MANY_WINDOWS {
+            let found = (-reach..=reach).filter_map(with_all).max_by(highest)?;
+            return Some(found.0);
+        }
+        let every = places.len().div_ceil(MANY_WINDOWS);
+        let some: Vec<_> = places.iter().step_by(every).copied().collect();
+        // Where just half of all have a pair, a few less than half of some may have one.
+        let needed = some.len() * 9 / 10;
+        let rough: Vec<_> = (-reach..=reach)
+            .filter_map(|k| Some((k, self.correlation(&some, needed, k)?)))
+            .collect();
+        let chance = CHANCE_STD / (some.len() as f64).sqrt();
+        let least = rough.iter().copied().max_by(highest)?.1 - chance;
+        let possible = rough.iter().filter(|(_, found)| *found >= least);
+        let found = possible.filter_map(|(k, _)| with_all(*k)).max_by(highest)?;
+        Some(found.0)
+    }
+
+    /// As [`correlation`] at an offset of so many steps; `None` where fewer than half of `needed` windows have a pair.
+    fn correlation(&self, places: &[(i64, f64)], needed: usize, steps: i64) -> Option<f64> {
         let pairs = places.iter().filter_map(|(place, norm)| {
             let place = usize::try_from(place + steps).ok()?;
             let found = self.0.get(place).filter(|found| found.is_finite())?;
             Some([*found, *norm])
         });
-        of_pairs(pairs, places.len())
+        of_pairs(pairs, needed)
     }
 }
 
@@ -278,11 +307,8 @@ fn best(
         tried.max_by(highest)
     };
     let anywhere = || {
-        let places = Grid::places(windows);
-        let coarse = (-reach..=reach)
-            .filter_map(|k| Some((k as f64 * COARSE_S, grid.correlation(&places, k)?)))
-            .max_by(highest)?;
-        around(coarse.0, FINE_S, 6)
+        let coarse = grid.best(windows, reach)?;
+        around(coarse as f64 * COARSE_S, FINE_S, 6)
     };
     let near = prefer_s.and_then(|common_s| around(common_s, FINE_S, 10));
     let (offset_s, peak) = match near {
@@ -340,4 +366,48 @@ fn of_pairs(pairs: impl Iterator<Item = [f64; 2]>, windows: usize) -> Option<f64
     let both = (variance(0) * variance(1)).sqrt();
     let covariance = product / n - sums[0] * sums[1] / (n * n);
     (both > 0.0).then(|| covariance / both)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::Instants;
+    use crate::attitude::reference::rates::Rates;
+    use crate::attitude::reference::simulated::Turned;
+
+    /// Offsets that some windows rule out are none at which all correlate best: of a clear, a noisy and another motion.
+    #[test]
+    fn the_search_by_some_windows_finds_what_all_find() {
+        let reach = (LARGEST_OFFSET_S / COARSE_S) as i64;
+        for (reference_std, other, axes) in [
+            (1e-3, 0, 3),
+            (0.03, 0, 3),
+            (0.2, 0, 3),
+            (1e-3, 7, 3),
+            (0.01, 0, 1),
+        ] {
+            for seed in 1..=4 {
+                let turned = Turned {
+                    seed,
+                    reference_seed: seed + other,
+                    duration_s: 150.0,
+                    stamp: |t| t + 3.3,
+                    reference_std,
+                    axes,
+                    ..Turned::default()
+                };
+                let mut rates = Rates::new(600.0);
+                Instants::new(turned.events()).for_each(|instant| rates.add(&instant.unwrap()));
+                let series = rates.series();
+                assert!(series.windows.len() > 4 * MANY_WINDOWS);
+                let (grid, places) = (Grid::new(&series), Grid::places(series.windows));
+                let with_all = |k: i64| Some((k, grid.correlation(&places, places.len(), k)?));
+                let expected = (-reach..=reach)
+                    .filter_map(with_all)
+                    .max_by(|a, b| a.1.total_cmp(&b.1))
+                    .map(|(k, _)| k);
+                assert_eq!(grid.best(series.windows, reach), expected, "{turned:?}");
+            }
+        }
+    }
 }
