@@ -117,14 +117,18 @@ fn run_file<O: RunObserver>(
     Ok((summary, observer))
 }
 
-/// Name of the folder that a file is in; `.` for a bare file name.
+/// Name of the folder that a file is in. Where the path does not say it (`a.csv`, `../a.csv`) that of the folder there is; `.` if there is none.
 #[must_use]
 pub fn folder_of(path: &Path) -> String {
-    let folder = path.parent().and_then(Path::file_name);
-    folder.map_or_else(
-        || ".".to_owned(),
-        |name| name.to_string_lossy().into_owned(),
-    )
+    let named = |folder: &Path| Some(folder.file_name()?.to_string_lossy().into_owned());
+    let folder = path.parent().unwrap_or(path);
+    let there = || {
+        let relative = Some(folder).filter(|folder| !folder.as_os_str().is_empty());
+        named(&relative.unwrap_or(Path::new(".")).canonicalize().ok()?)
+    };
+    named(folder)
+        .or_else(there)
+        .unwrap_or_else(|| ".".to_owned())
 }
 
 /// Mean and median of one value over recordings.

@@ -234,3 +234,18 @@ fn a_file_that_cannot_be_read_is_one_error_among_results() {
     assert_eq!(rows.len(), 2);
     assert_eq!((rows[0].scored_recordings, rows[0].total_deg), (0, None));
 }
+
+#[test]
+fn a_folder_has_its_name_also_where_the_path_does_not_say_it() {
+    let here = std::env::current_dir().unwrap();
+    let name = |folder: &Path| folder.file_name().unwrap().to_string_lossy().into_owned();
+    for (path, expected) in [
+        ("walks/a.csv", "walks".to_owned()),
+        ("a.csv", name(&here)),
+        ("./a.csv", name(&here)),
+        ("../a.csv", name(here.parent().unwrap())),
+        ("/a.csv", ".".to_owned()),
+    ] {
+        assert_eq!(folder_of(Path::new(path)), expected, "{path}");
+    }
+}
