@@ -4,9 +4,9 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::scalar::{Scalar, lit};
 
-/// The part of `R` rows and `C` columns that begins at this row and column; the matrix must hold it. Compilers inline this more readily than
-/// `fixed_view(..).into_owned()`, which costs a call and a copy element by element.
-pub(crate) fn part<T: Scalar, const R: usize, const C: usize, const N: usize, const M: usize>(
+/// The part of `R` rows and `C` columns that begins at this row and column, as a matrix of its own; the matrix must hold it. Compilers inline this
+/// more readily than `fixed_view(..).into_owned()`, which costs a call and a copy element by element.
+pub fn part<T: Scalar, const R: usize, const C: usize, const N: usize, const M: usize>(
     matrix: &SMatrix<T, N, M>,
     row: usize,
     column: usize,

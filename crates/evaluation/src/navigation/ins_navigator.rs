@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use northing_core::ConfigError;
 use northing_core::earth::{FrameChange, LocalFrame};
 use northing_core::faults::Fault;
+use northing_core::kalman::covariance::part;
 use northing_core::kalman::{Innovation, Outcome, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
@@ -213,11 +214,11 @@ fn estimate_of(node: &SmoothedNavigation, limits: &ValidityLimits<f64>) -> Navig
         frame: node.frame,
         ned_from_body: Some(attitude),
         heading_std: Some(heading_std),
-        attitude_covariance: Some(p.fixed_view::<3, 3>(ATTITUDE, ATTITUDE).into()),
+        attitude_covariance: Some(part(p, ATTITUDE, ATTITUDE)),
         position: node.antenna,
         position_covariance,
         velocity: node.velocity + attitude * node.angular_rate.cross(&node.lever_arm),
-        velocity_covariance: Some(p.fixed_view::<3, 3>(VELOCITY, VELOCITY).into()),
+        velocity_covariance: Some(part(p, VELOCITY, VELOCITY)),
         validity,
     }
 }
@@ -305,11 +306,11 @@ impl Navigator for InsNavigator {
             frame: self.frames.last()?.1,
             ned_from_body: Some(attitude),
             heading_std: Some(heading_variance.max(0.0).sqrt()),
-            attitude_covariance: Some(p.fixed_view::<3, 3>(ATTITUDE, ATTITUDE).into()),
+            attitude_covariance: Some(part(p, ATTITUDE, ATTITUDE)),
             position,
             position_covariance,
             velocity: state.velocity + attitude * spin.cross(&self.arm),
-            velocity_covariance: Some(p.fixed_view::<3, 3>(VELOCITY, VELOCITY).into()),
+            velocity_covariance: Some(part(p, VELOCITY, VELOCITY)),
             validity: self.ins.validity(),
         })
     }

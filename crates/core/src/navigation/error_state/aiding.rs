@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::ErrorStateFilter;
 use crate::geometry::rotation::is_unit;
 use crate::geometry::so3;
-use crate::kalman::covariance::normalized_square3;
+use crate::kalman::covariance::{normalized_square3, part};
 use crate::kalman::scalar_update::update_one_state;
 use crate::kalman::{ErrorFeedback, ErrorListener, Innovation, Outcome, SkipReason};
 use crate::navigation::{ATTITUDE, ErrorTransition, POSITION, STATES};
@@ -123,7 +123,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     ) -> Innovation<T> {
         let variance = std.component_mul(std);
         let p = &mut self.state.covariance;
-        let block: Matrix3<T> = p.fixed_view::<3, 3>(first, first).into_owned();
+        let block: Matrix3<T> = part(p, first, first);
         let expected = block + Matrix3::from_diagonal(&variance);
         let unexplained = residual - correction.fixed_rows::<3>(first);
         let nis = normalized_square3(&unexplained, &expected);

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::earth::{Geodetic, LocalFrame};
 use crate::geometry::{rotation, so3};
+use crate::kalman::covariance::part;
 use crate::navigation::augmented_states::{AugmentedStates, TIME_OFFSET};
 use crate::navigation::{
     ATTITUDE, GnssPosition, GnssVelocity, NavigationState, POSITION, VELOCITY,
@@ -32,14 +33,14 @@ impl<T: Scalar> NavigationState<T> {
         arm: &Vector3<T>,
     ) -> (Vector3<T>, Matrix3<T>) {
         let late = side.values[TIME_OFFSET];
-        let block = |i: usize, j: usize| self.covariance.fixed_view::<3, 3>(i, j).into_owned();
+        let block = |i: usize, j: usize| -> Matrix3<T> { part(&self.covariance, i, j) };
         let has_arm = arm.norm_squared() > T::zero();
         if !has_arm && !side.is_used(TIME_OFFSET) && late.abs() <= T::zero() {
             return (self.position, block(POSITION, POSITION));
         }
         let with = |j: usize| block(POSITION, j) - block(VELOCITY, j) * late;
         let mut own = with(POSITION) - with(VELOCITY) * late;
-        let timed = |i: usize| side.cross.fixed_view::<3, 1>(i, TIME_OFFSET).into_owned();
+        let timed = |i: usize| -> Vector3<T> { part(&side.cross, i, TIME_OFFSET) };
         let mut timed_own = timed(POSITION) - timed(VELOCITY) * late;
         let mut arm = *arm;
         if has_arm {
