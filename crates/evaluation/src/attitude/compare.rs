@@ -117,7 +117,7 @@ fn run_file<O: RunObserver>(
     Ok((summary, observer))
 }
 
-/// Name of the folder that a file is in. Where the path does not say it (`a.csv`, `../a.csv`) that of the folder there is; `.` if there is none.
+/// Name of the folder that a file is in. Where the path does not say it (`a.csv`, `../a.csv`), the file system does; `.` for one without a name.
 #[must_use]
 pub fn folder_of(path: &Path) -> String {
     let named = |folder: &Path| Some(folder.file_name()?.to_string_lossy().into_owned());
