@@ -148,9 +148,9 @@ parameters! {
         "Noise and vibration are no motion. Raising it finds rests that are none.";
     rest_slow_motion_gain: T, "-", From(0.0, 1e6), [1.0],
         "factor on the noise that a slow turn or push adds at rest; 0 takes every rest as one";
-    rest_rate_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.75e-3],
+    rest_rate_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [8e-4],
         "noise of `the rate is the bias` at rest",
-        "0.1 deg/s/sqrt(Hz).";
+        "0.05 deg/s/sqrt(Hz), or what the gyroscope's samples show where that is more.";
     rest_bias_doubt: T, "-", From(0.0, 1e6), [3.0],
         "standard deviations of the rate at a rest from the bias beyond which the bias is doubted",
         "Raising it follows steps of the bias later; 0: never.";

@@ -10,6 +10,8 @@ use crate::scalar::{Scalar, lesser, lit};
 
 /// The slow averages are so many times slower than those that find a rest.
 const SLOWER: f64 = 4.0;
+/// They are by this much, at least, in times of the faster ones, before the two are compared.
+const LEAST_LAG: f64 = 0.2;
 
 /// Exponential averages of a sensor's vector over three times.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +21,11 @@ struct Averages<T: Scalar> {
     smooth: Vector3<T>,
     /// Over [`BoundedVelocityConfig::rest_average_s`].
     average: Vector3<T>,
-    /// Over [`SLOWER`] times that.
+    /// Over all that was still until now, and at most [`SLOWER`] times that.
     slow: Vector3<T>,
+    /// Since when it is still, and how old the samples of `slow` are on average, s.
+    still_for: T,
+    slow_lag: T,
 }
 
 /// The detector's memory.
@@ -55,21 +60,28 @@ impl<T: Scalar> Averages<T> {
         dt: T,
         config: &BoundedVelocityConfig<T>,
     ) -> Self {
-        let Self {
-            smooth,
-            average,
-            slow,
-        } = before.unwrap_or(Self {
+        let before = before.unwrap_or(Self {
             smooth: *sample,
             average: *sample,
             slow: *sample,
+            still_for: T::zero(),
+            slow_lag: T::zero(),
         });
-        let towards =
-            |mean: Vector3<T>, time: T| mean + (sample - mean) * lesser(dt / time, T::one());
+        let share = |time: T| lesser(dt / time, T::one());
+        let towards = |mean: Vector3<T>, share: T| mean + (sample - mean) * share;
+        let still_for = before.still_for + dt;
+        let slowest = config.rest_average_s * lit(SLOWER);
+        // A sample that stood for no time is the first of all.
+        let of_slow = match still_for > T::zero() {
+            true => share(lesser(still_for, slowest)),
+            false => T::one(),
+        };
         Self {
-            smooth: towards(smooth, config.rest_smoothing_s),
-            average: towards(average, config.rest_average_s),
-            slow: towards(slow, config.rest_average_s * lit(SLOWER)),
+            smooth: towards(before.smooth, share(config.rest_smoothing_s)),
+            average: towards(before.average, share(config.rest_average_s)),
+            slow: towards(before.slow, of_slow),
+            still_for,
+            slow_lag: (before.slow_lag + dt) * (T::one() - of_slow),
         }
     }
 
@@ -79,14 +91,25 @@ impl<T: Scalar> Averages<T> {
         (self.smooth - self.average).norm_squared() < limit * limit
     }
 
-    /// Square of how far the average is from the slow one.
+    /// Square of how far the average is from the slow one, as if that had its full length already: what changes steadily moves the
+    /// two apart by as much as they lag.
     #[inline]
-    fn drift2(&self) -> T {
-        (self.average - self.slow).norm_squared()
+    fn drift2(&self, config: &BoundedVelocityConfig<T>) -> T {
+        let average = config.rest_average_s;
+        let lag = (self.slow_lag - average).max(average * lit(LEAST_LAG));
+        let factor = average * lit(SLOWER - 1.0) / lag;
+        (self.average - self.slow).norm_squared() * (factor * factor)
+    }
+
+    /// It is not still: the slow average begins anew with the next sample.
+    fn wake(&mut self) {
+        self.still_for = T::zero();
+        self.slow_lag = T::zero();
     }
 
     fn numbers(&self) -> impl Iterator<Item = &T> {
-        self.smooth.iter().chain(&self.average).chain(&self.slow)
+        let vectors = self.smooth.iter().chain(&self.average).chain(&self.slow);
+        vectors.chain([&self.still_for, &self.slow_lag])
     }
 }
 
@@ -148,8 +171,8 @@ impl<T: Scalar> RestDetector<T> {
         };
         let lasts = config.rest_average_s * lit(SLOWER);
         let swept = gravity * (lasts - config.rest_average_s);
-        let force2 = force.drift2();
-        let rate2 = rate.drift2() + force2 / (swept * swept);
+        let force2 = force.drift2(config);
+        let rate2 = rate.drift2(config) + force2 / (swept * swept);
         let twice = config.rest_slow_motion_gain * lasts * lit(2.0);
         (rate2 * twice, force2 * lasts * lasts * twice)
     }
@@ -169,6 +192,8 @@ impl<T: Scalar> RestDetector<T> {
     /// Ends a rest.
     #[inline]
     pub(super) fn wake(&mut self) {
+        let averages = self.angular_rate.iter_mut().chain(&mut self.specific_force);
+        averages.for_each(Averages::wake);
         self.still_for = T::zero();
         self.resting = false;
     }
@@ -246,6 +271,23 @@ mod tests {
         let tipping = left_open(6.0, |t| (Vector3::x() * -0.02, turned(t)));
         assert!(tipping.0 > 100.0 * density2, "{tipping:?}");
         assert!(tipping.1 > 100.0 * config.rest_velocity_psd, "{tipping:?}");
+    }
+
+    /// GIVEN a device that was turned and put down, and a noisy gyroscope WHEN it has lain for four seconds THEN the motion before
+    /// is no slow turn.
+    #[test]
+    fn what_was_before_a_rest_is_no_slow_turn() {
+        let config = BoundedVelocityConfig::<f64>::lab();
+        let density2 = config.rest_rate_noise_density * config.rest_rate_noise_density;
+        let up = Vector3::new(0.0, 0.0, 9.8);
+        let noise = |t: f64| Vector3::x() * (2e-3 * (1e4 * t).sin());
+        let turned = |t: f64| if t < 2.0 { 0.6 } else { 0.0 };
+        let put_down = left_open(6.0, |t| (Vector3::z() * turned(t) + noise(t), up));
+        assert!(put_down.0 < density2, "{put_down:?}");
+        // The very first sample is a noisy one, too.
+        let first = |t: f64| if t < 0.005 { 0.02 } else { 0.0 };
+        let begun = left_open(3.0, |t| (Vector3::z() * first(t), up));
+        assert!(begun.0 < density2, "{begun:?}");
     }
 
     #[test]

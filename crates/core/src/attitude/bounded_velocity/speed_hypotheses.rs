@@ -108,6 +108,52 @@ pub(super) struct Hypothesis<T: Scalar> {
     likelihood: T,
 }
 
+/// What the filter should have gone by until now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Likeliest<T: Scalar> {
+    /// It is faster than it was.
+    Faster(Hypothesis<T>),
+    /// The bias of the gyroscope has stepped.
+    Stepped(Hypothesis<T>),
+}
+
+impl<T: Scalar> Likeliest<T> {
+    /// What is estimated under it, brought up to now.
+    fn now(mut self, interval: &Interval<T>) -> Self {
+        let (Self::Faster(h) | Self::Stepped(h)) = &mut self;
+        h.predict(interval);
+        self
+    }
+
+    /// What is estimated under it without a magnetometer (B11k): its tilt, velocity and level bias, and of the bias about the vertical
+    /// `up` (body axes), of which it knows nothing, the filter's estimate with its `variance` ((rad/s)^2). A step there is expected to be
+    /// as large as those of the two axes that show theirs.
+    pub(super) fn without_vertical_bias(self, up: &Vector3<T>, variance: T) -> Hypothesis<T> {
+        let (mut hypothesis, is_step) = match self {
+            Self::Faster(h) => (h, false),
+            Self::Stepped(h) => (h, true),
+        };
+        hypothesis.forget_bias_about(up);
+        let mut expected = variance;
+        if is_step {
+            let level = hypothesis.x.fixed_rows::<3>(BIAS).norm_squared();
+            expected += level * lit(0.5);
+        }
+        for i in 0..3 {
+            for j in 0..3 {
+                hypothesis.p[(BIAS + i, BIAS + j)] += up[i] * up[j] * expected;
+            }
+        }
+        hypothesis
+    }
+
+    /// What is estimated under it.
+    pub(super) const fn hypothesis(self) -> Hypothesis<T> {
+        let (Self::Faster(h) | Self::Stepped(h)) = self;
+        h
+    }
+}
+
 /// The hypotheses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -291,7 +337,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
 
     /// The next hypothesis looks at the velocity (B11d to B11j). Gives the likeliest, as it is now, when all have and it is a
     /// faster one than before, or the bias has stepped: the filter was wrong until now. Where a number is not finite, they begin again.
-    pub(super) fn look(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Hypothesis<T>> {
+    pub(super) fn look(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Likeliest<T>> {
         if !self.is_looking() {
             self.looked_over = core::mem::replace(&mut self.interval, Interval::new());
             self.looked = 0;
@@ -308,10 +354,8 @@ impl<T: Scalar> SpeedHypotheses<T> {
             );
             return None;
         }
-        self.another(config).map(|mut likeliest| {
-            likeliest.predict(&self.interval);
-            likeliest
-        })
+        self.another(config)
+            .map(|likeliest| likeliest.now(&self.interval))
     }
 
     /// The next one looks.
@@ -337,7 +381,7 @@ impl<T: Scalar> SpeedHypotheses<T> {
     }
 
     /// Chooses the likeliest; gives it where it is faster than the one before, or where the bias has stepped: it is the hand then.
-    fn another(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Hypothesis<T>> {
+    fn another(&mut self, config: &BoundedVelocityConfig<T>) -> Option<Likeliest<T>> {
         let (mut best, mut number) = (self.hypotheses[0], 0);
         for (k, h) in (1..).zip(self.hypotheses.iter().skip(1)) {
             if h.weight > best.weight {
@@ -350,10 +394,10 @@ impl<T: Scalar> SpeedHypotheses<T> {
             self.hypotheses[DRIFTING].weight =
                 best.weight * prior(config, DRIFTING) * (T::one() - stays(self.looked_over.time));
             self.likeliest = 0;
-            return Some(best);
+            return Some(Likeliest::Stepped(best));
         }
         let before = core::mem::replace(&mut self.likeliest, number);
-        (number > before).then_some(best)
+        (number > before).then_some(Likeliest::Faster(best))
     }
 
     /// Weights by Bayes' rule; each may have changed into any meanwhile (B11g). Gives whether all numbers are finite.
@@ -408,6 +452,26 @@ impl<T: Scalar> Hypothesis<T> {
     fn numbers(&self) -> impl Iterator<Item = &T> {
         let scalars = [&self.weight, &self.likelihood];
         self.x.iter().chain(&self.p).chain(scalars)
+    }
+
+    /// Takes the bias about an axis (unit vector, body axes) for zero, and for known.
+    fn forget_bias_about(&mut self, axis: &Vector3<T>) {
+        let along = axis.dot(&self.x.fixed_rows::<3>(BIAS));
+        for i in 0..3 {
+            self.x[BIAS + i] -= axis[i] * along;
+        }
+        for c in 0..STATES {
+            let along = axis.dot(&self.p.fixed_view::<3, 1>(BIAS, c));
+            for i in 0..3 {
+                self.p[(BIAS + i, c)] -= axis[i] * along;
+            }
+        }
+        for r in 0..STATES {
+            let along = (0..3).fold(T::zero(), |sum, i| sum + axis[i] * self.p[(r, BIAS + i)]);
+            for i in 0..3 {
+                self.p[(r, BIAS + i)] -= axis[i] * along;
+            }
+        }
     }
 
     /// Over an interval between two looks (B11d, B11e).

@@ -7,14 +7,14 @@ use super::config::{BoundedVelocityConfig, ScaleStates};
 use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
 use super::propagation::Sums;
 use super::rest::RestDetector;
-use super::speed_hypotheses::{Hypothesis, SpeedHypotheses};
+use super::speed_hypotheses::{Likeliest, SpeedHypotheses};
 use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
 use crate::attitude::propagation::LARGEST_BIAS_RAD_S;
 use crate::attitude::vector_sensor::{References, VectorSensor};
 use crate::faults::bias_step::{Learnt, Resumed};
 use crate::geometry::rotation;
-use crate::kalman::covariance::{cap_variance, undrown};
+use crate::kalman::covariance::{cap_variance, part, undrown};
 use crate::kalman::innovation::check_vector;
 use crate::restorable::{InvalidState, covariance, expect, finite, not_negative, unit};
 use crate::scalar::{Scalar, lit};
@@ -275,7 +275,14 @@ impl<T: Scalar> BoundedVelocityState<T> {
 
     /// Takes the covariance of a hypothesis; its tilt, velocity and bias are independent of all else from now on. Gives the
     /// correction that is its estimate.
-    pub(super) fn take_covariance(&mut self, hypothesis: &Hypothesis<T>) -> Correction<T> {
+    pub(super) fn take_covariance(&mut self, likeliest: Likeliest<T>) -> Correction<T> {
+        let hypothesis = if self.has_field {
+            likeliest.hypothesis()
+        } else {
+            let up = self.level_from_body.inverse() * Vector3::z();
+            let bias: Matrix3<T> = part(&self.covariance, BIAS, BIAS);
+            likeliest.without_vertical_bias(&up, up.dot(&(bias * up)))
+        };
         let mut correction = Correction::zeros();
         for (i, value) in PLACES.iter().zip(hypothesis.x.iter()) {
             self.covariance.row_mut(*i).fill(T::zero());

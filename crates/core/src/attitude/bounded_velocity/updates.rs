@@ -175,7 +175,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             return;
         }
         if let Some(likeliest) = self.state.speed_hypotheses.look(&self.config) {
-            let correction = self.state.take_covariance(&likeliest);
+            let correction = self.state.take_covariance(likeliest);
             self.apply(&correction);
             self.tell(Moment::Started);
         }

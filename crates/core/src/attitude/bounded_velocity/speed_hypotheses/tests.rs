@@ -197,3 +197,31 @@ fn what_the_filter_corrects_is_not_seen_twice() {
         assert!((a.p - b.p).amax() < 1e-12);
     }
 }
+
+/// GIVEN any estimate of a hypothesis WHEN a filter without a magnetometer takes it over THEN the bias about the vertical is none, with the
+/// filter's own variance, of which the others know nothing; all else is as the hypothesis has it. A step is expected there as well.
+#[test]
+fn the_bias_about_the_vertical_is_not_taken_over() {
+    let number = |i: usize, j: usize| ((i * 5 + j * 2 + 1) as f64 * 0.9).sin();
+    let mut h = fresh().hypotheses[1];
+    let root = SMatrix::<f64, STATES, STATES>::from_fn(number);
+    h.p = root * root.transpose();
+    h.x = SVector::from_fn(|i, _| number(i, 3));
+    let up = Vector3::new(0.36, -0.48, 0.8);
+    let mut project = SMatrix::<f64, STATES, STATES>::identity();
+    let mut block = project.fixed_view_mut::<3, 3>(BIAS, BIAS);
+    block -= up * up.transpose();
+    let x = project * h.x;
+    let level = x.fixed_rows::<3>(BIAS).norm_squared();
+    for (likeliest, variance) in [
+        (Likeliest::Faster(h), 0.2),
+        (Likeliest::Stepped(h), 0.2 + 0.5 * level),
+    ] {
+        let mut p = project * h.p * project;
+        let mut block = p.fixed_view_mut::<3, 3>(BIAS, BIAS);
+        block += up * up.transpose() * variance;
+        let taken = likeliest.without_vertical_bias(&up, 0.2);
+        assert!((taken.x - x).amax() < 1e-12, "{}", taken.x);
+        assert!((taken.p - p).amax() < 1e-12, "{}", taken.p);
+    }
+}

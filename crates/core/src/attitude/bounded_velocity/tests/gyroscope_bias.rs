@@ -85,3 +85,36 @@ fn a_bias_that_is_known_is_not_drawn_to_zero() {
     let unknown = Vector3::zeros();
     assert_ne!(after(0.25, unknown, 1.0), after(0.0, unknown, 1.0));
 }
+
+/// GIVEN no magnetometer, and a bias that is known from before WHEN a car is found to be one THEN the filter goes on from the hypothesis of a
+/// vehicle, and knows as much of the bias about the vertical as before.
+#[test]
+fn a_vehicle_that_is_found_leaves_the_bias_about_the_vertical_as_it_was() {
+    const STD: f64 = 1e-3;
+    let config = BoundedVelocityConfig {
+        drifting_bias_weight: 0.0,
+        ..BoundedVelocityConfig::hand_held()
+    };
+    let mut f = BoundedVelocity::new(config).unwrap();
+    let mut start = initial(TangentFrame::Enu, UnitQuaternion::identity());
+    start.references.magnetic_field = None;
+    start.gyroscope_bias = Vector3::new(2e-3, -1e-3, 3e-3);
+    start.gyroscope_bias_std = STD;
+    start.attitude_covariance = Matrix3::identity() * 1e-4;
+    f.initialize(&start);
+    for k in 0..3000 {
+        let t = f64::from(k) * 0.01;
+        // Off to 20 m/s, and through bends.
+        let forward = if t < 10.0 { 2.0 } else { 0.0 };
+        let turning = 0.1 * (0.4 * t).sin();
+        f.propagate(&(start.gyroscope_bias + Vector3::z() * turning), 0.01);
+        f.update_accelerometer(&Vector3::new(forward, 20.0 * turning, 9.81));
+        let (estimate, covariance) = f.gyroscope_bias().unwrap();
+        let (std, error) = (covariance[(2, 2)].sqrt(), estimate.z - 3e-3);
+        assert!(
+            std < 1.2 * STD && error.abs() < 2.0 * STD,
+            "{t} s: {error} {std}"
+        );
+    }
+    assert!(f.state.speed_hypotheses.is_vehicle());
+}
