@@ -54,6 +54,7 @@
 mod bias_prior;
 pub mod config;
 mod field_quality;
+mod hard_iron;
 pub mod layout;
 pub mod propagation;
 pub mod rest;
@@ -298,6 +299,7 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         // What was summed so far belongs to the time before.
         self.propagate_covariance();
         self.state.speed_hypotheses.widen(variance);
+        self.state.hard_iron_watch.interrupt();
         self.tell(Moment::Leaving(&Step::Widening));
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
         for i in ATTITUDE..ATTITUDE + 3 {

@@ -56,6 +56,18 @@ impl Layout {
         }
     }
 
+    /// The same with hard iron behind the others.
+    pub(super) fn with_hard_iron(self) -> Self {
+        if self.hard_iron.is_some() {
+            return self;
+        }
+        Self {
+            hard_iron: Some(self.len),
+            len: self.len + 3,
+            ..self
+        }
+    }
+
     /// Whether the blocks stand where [`Self::new`] puts them.
     pub(super) fn is_valid(&self) -> bool {
         let mut len = SCALE + scale_len(self.scale);

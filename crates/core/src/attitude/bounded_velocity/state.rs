@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 use super::bias_prior::BiasPrior;
 use super::config::{BoundedVelocityConfig, ScaleStates};
+use super::hard_iron::{HardIronWatch, Offset};
 use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
 use super::propagation::Sums;
 use super::rest::RestDetector;
@@ -26,6 +27,9 @@ const INITIAL_SQUARE_ACCELERATION: f64 = 1.0;
 const LARGEST_SCALE: f64 = 10.0;
 const LARGEST_VELOCITY_M_S: f64 = 1e4;
 const LARGEST_FIELD_UT: f64 = 1e6;
+
+/// Of a field that points straight down this share is horizontal at least, as far as an offset in it goes.
+const LEAST_HORIZONTAL: f64 = 0.1;
 
 /// Where the states of a hypothesis of the speed are among the filter's.
 const PLACES: [usize; 7] = [
@@ -75,6 +79,7 @@ pub struct BoundedVelocityState<T: Scalar> {
     /// How fast that is.
     pub speed_hypotheses: SpeedHypotheses<T>,
     pub(super) bias_prior: BiasPrior<T>,
+    pub(super) hard_iron_watch: HardIronWatch<T>,
     /// By how much the last field's strength and dip raised its variance: one is perfect.
     pub field_variance_factor: T,
     /// Weight of the last field under Student's t: one fits.
@@ -131,6 +136,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
         finite("scale", &self.scale)?;
         finite("sums", self.sums.numbers())?;
         finite("rest", self.rest.numbers())?;
+        finite("hard_iron_watch", self.hard_iron_watch.numbers())?;
         finite("velocity_noise", self.velocity_noise.numbers())?;
         not_negative("bias_prior", self.bias_prior.numbers())?;
         finite("speed_hypotheses", self.speed_hypotheses.numbers())?;
@@ -173,6 +179,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             velocity_noise: VelocityNoise::new(config),
             speed_hypotheses: SpeedHypotheses::new(config, zero, zero),
             bias_prior: BiasPrior::none(),
+            hard_iron_watch: HardIronWatch::default(),
             field_variance_factor: T::one(),
             field_weight: T::one(),
             angular_rate: Vector3::zeros(),
@@ -249,6 +256,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
         let turned = self.ref_from_level.inverse() * initial.attitude;
         self.level_from_body = rotation::renormalize(&turned);
         self.velocity = Vector2::zeros();
+        self.hard_iron_watch.interrupt();
         for i in ATTITUDE..BIAS {
             self.covariance.row_mut(i).fill(T::zero());
             self.covariance.column_mut(i).fill(T::zero());
@@ -313,7 +321,11 @@ impl<T: Scalar> BoundedVelocityState<T> {
         self.velocity_noise.set_densities([seen, expected]);
         self.speed_hypotheses.set_weights([a, b, c, d]);
         self.field_ut = Vector2::new(north, down);
-        self.hard_iron_ut = Vector3::new(x, y, z);
+        // One that was found meanwhile is not forgotten.
+        let iron = Vector3::new(x, y, z);
+        if iron != Vector3::zeros() {
+            self.hard_iron_ut = iron;
+        }
     }
 
     /// Goes on from before a step of the bias: with what it had learnt then, and errors of attitude and bias that hang together.
@@ -359,6 +371,31 @@ impl<T: Scalar> BoundedVelocityState<T> {
         add(ATTITUDE, BIAS, both);
         add(BIAS, ATTITUDE, both.transpose());
         add(BIAS, BIAS, step * step.transpose());
+    }
+
+    /// Estimates hard iron from now on (B19d). Heading and reference field were learnt with it in them.
+    pub(super) fn take_hard_iron(&mut self, found: &Offset<T>) {
+        self.layout = self.layout.with_hard_iron();
+        let Some(first) = self.layout.hard_iron() else {
+            return;
+        };
+        self.hard_iron_ut = found.offset;
+        for i in 0..3 {
+            for j in 0..3 {
+                if let Some(value) = self.covariance.get_mut((first + i, first + j)) {
+                    *value = found.covariance[(i, j)];
+                }
+            }
+        }
+        let size2 = found.offset.norm_squared();
+        let horizontal = (self.field_ut.x).max(self.field_ut.norm() * lit(LEAST_HORIZONTAL));
+        self.covariance[(ATTITUDE + 2, ATTITUDE + 2)] += size2 / (horizontal * horizontal);
+        let fields = (self.layout.field()).map_or(0..0, |first| first..first + 2);
+        for i in fields {
+            if let Some(value) = self.covariance.get_mut((i, i)) {
+                *value += size2;
+            }
+        }
     }
 
     /// From body axes, where the attitude is.

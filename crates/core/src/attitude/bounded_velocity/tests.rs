@@ -1,6 +1,7 @@
 //! What is learnt, what grows, frames, blocks, rates; beside them Jacobians and robustness.
 
 mod gyroscope_bias;
+mod hard_iron;
 mod jacobians;
 mod robustness;
 

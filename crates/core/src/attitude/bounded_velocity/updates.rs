@@ -232,10 +232,29 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         self.update_field(measured, since_update.min(lit(LONGEST_FIELD_INTERVAL_S)))
     }
 
+    /// Whether a magnetometer that is said to have no hard iron has some: then it is estimated from now on (B19b to B19d).
+    #[inline]
+    fn watch_for_hard_iron(&mut self, measured: &Vector3<T>, time: T) {
+        let (config, state) = (&self.config, &mut self.state);
+        if state.layout.hard_iron().is_some() || config.unexpected_hard_iron <= T::zero() {
+            return;
+        }
+        let (attitude, rate) = (&state.level_from_body, state.angular_rate.norm());
+        let least = config.magnetometer_std_ut * config.unexpected_hard_iron;
+        if let Some(found) = state
+            .hard_iron_watch
+            .field(attitude, measured, rate, time, least)
+        {
+            state.take_hard_iron(&found);
+            self.tell(Moment::Started);
+        }
+    }
+
     /// The field in level axes against the reference field, its variance by its quality (B15 to B19);
     /// `time` is what it stands for.
     fn update_field(&mut self, measured: &Vector3<T>, time: T) -> Innovation<T> {
         self.propagate_covariance();
+        self.watch_for_hard_iron(measured, time);
         let m = self.field_measurement(measured);
         let state = &mut self.state;
         let p = &mut state.covariance;
@@ -357,6 +376,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         state.speed_hypotheses.corrected(&tilt, &bias);
         let turn = so3::exp(&Vector3::new(x[0], x[1], x[2]));
         state.level_from_body = rotation::renormalize(&(turn * state.level_from_body));
+        state.hard_iron_watch.corrected(&turn);
         state.velocity.x += x[VELOCITY];
         state.velocity.y += x[VELOCITY + 1];
         state.gyroscope_bias += bias;

@@ -105,8 +105,8 @@ impl Diagnosis {
             sensor: SensorKind::Magnetometer,
             confidence: beyond_chance(size / iron.std_ut),
             sentence: format!(
-                "The magnetometer has a hard iron of {size:.1} \u{00b5}T (\u{00b1} {:.1}): something magnetic turns with the device, and the \
-                 heading's error depends on where it points. Calibrate the magnetometer where it is built in.",
+                "The magnetometer has a hard iron of {size:.1} \u{00b5}T (\u{00b1} {:.1}): something magnetic turns with the device, and until \
+                 it is known the heading's error depends on where it points. Calibrate the magnetometer where it is built in.",
                 iron.std_ut,
             ),
         })
