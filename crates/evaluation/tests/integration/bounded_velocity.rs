@@ -83,13 +83,14 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         initial_tilt_std: 8_f64.to_radians(),
         initial_heading_std: 20_f64.to_radians(),
         update_interval_s: 0.02,
-        // What it did not have: a noise that is learnt, rests that are doubted, samples that are averaged.
+        // What it did not have: a noise that is learnt, rests that are doubted, samples that are averaged, a search for hard iron.
         initial_velocity_psd: 0.0,
         largest_velocity_psd: 0.0,
         // All so fast that no hypothesis of the speed is told from another.
         hand_velocity_std: 1e4,
         drifting_bias_weight: 0.0,
         rest_bias_doubt: 0.0,
+        unexpected_hard_iron: 0.0,
         gyroscope_bias_freedom: 0.0,
         rest_slow_motion_gain: 0.0,
         rest_smoothing_s: 1e-6,

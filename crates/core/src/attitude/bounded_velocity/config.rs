@@ -126,7 +126,7 @@ parameters! {
     initial_hard_iron_std_ut: T, "microtesla", From(0.0, 1e6), [0.0],
         "standard deviation of the hard iron; unless set, it follows from the magnetometer: 0 calibrated, 2 by a file, 3 by a phone's system, 12 uncalibrated",
         "0: calibrated, no states for it. Raising it learns larger offsets, and takes a field's unevenness for one.";
-    unexpected_hard_iron: T, "-", From(0.0, 1e6), [2.0],
+    unexpected_hard_iron: T, "-", From(0.0, 1e6), [3.0],
         "hard iron of a calibrated magnetometer, in standard deviations of the magnetometer, that is estimated where the turns of the device show it; 0: never",
         "Raising it leaves larger offsets in the heading.";
     hard_iron_random_walk_ut: T, "microtesla/sqrt(s)", From(0.0, 1e4), [0.02],

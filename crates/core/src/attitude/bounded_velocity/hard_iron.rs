@@ -26,6 +26,10 @@ const FREEDOM: f64 = 4.0;
 /// So many pairs, and so much evidence (chi-square with three degrees of freedom), are enough.
 const FEWEST: u16 = 6;
 const EVIDENCE: f64 = 30.0;
+/// It explains at least this share of what pairs are off: near a magnet the place explains more than the pose.
+const EXPLAINED: f64 = 0.75;
+/// Fields of a room differ from place to place: pairs are off in the same way as those beside them, so many of them like one.
+const DEPENDENT: f64 = 4.0;
 /// Standard deviations of an offset that is there.
 const SIGMAS: f64 = 4.0;
 
@@ -44,6 +48,8 @@ pub(super) struct HardIronWatch<T: Scalar> {
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     normal: Matrix3<T>,
     right: Vector3<T>,
+    /// Squares of what pairs are off, weighed as they are there, microtesla^2.
+    squares: T,
     /// Variance of a residual, per axis, microtesla^2, and how many there were.
     variance: T,
     pairs: u16,
@@ -67,6 +73,7 @@ impl<T: Scalar> Default for HardIronWatch<T> {
             turning: T::zero(),
             normal: Matrix3::zeros(),
             right: Vector3::zeros(),
+            squares: T::zero(),
             variance: lit(OWN_STD_UT * OWN_STD_UT),
             pairs: 0,
         }
@@ -76,7 +83,7 @@ impl<T: Scalar> Default for HardIronWatch<T> {
 impl<T: Scalar> HardIronWatch<T> {
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
         let vectors = self.base.iter().flatten().chain(&self.right);
-        let scalars = [&self.since, &self.turning, &self.variance];
+        let scalars = [&self.since, &self.turning, &self.squares, &self.variance];
         vectors.chain(&self.normal).chain(scalars)
     }
 
@@ -142,6 +149,7 @@ impl<T: Scalar> HardIronWatch<T> {
         let weight = share * student;
         self.normal += by_offset.transpose() * by_offset * weight;
         self.right += by_offset.transpose() * difference * weight;
+        self.squares += difference.norm_squared() * weight;
         self.pairs = self.pairs.saturating_add(1);
         let memory = lit::<T>(f64::from(self.pairs.min(MEMORY)) + 1.0);
         // While it is not known how far pairs are off, none is off by too much.
@@ -150,12 +158,14 @@ impl<T: Scalar> HardIronWatch<T> {
         self.variance = self.variance.max(lit(LEAST_STD_UT * LEAST_STD_UT));
         let (offset, covariance) = self.fit()?;
         let size2 = offset.norm_squared();
-        let evidence = self.right.dot(&offset) / self.variance;
+        let explained = self.right.dot(&offset);
         let along = offset.dot(&(covariance * offset)) * lit(SIGMAS * SIGMAS);
         let is_there = self.pairs >= FEWEST
-            && evidence > lit(EVIDENCE)
+            && explained > self.variance * lit(EVIDENCE)
+            && explained > self.squares * lit(EXPLAINED)
             && size2 > least * least
             && along < size2 * size2;
+        let covariance = covariance * lit::<T>(DEPENDENT);
         is_there.then_some(Offset { offset, covariance })
     }
 

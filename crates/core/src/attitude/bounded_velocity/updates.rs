@@ -245,8 +245,9 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             .hard_iron_watch
             .field(attitude, measured, rate, time, least)
         {
-            state.take_hard_iron(&found);
-            self.tell(Moment::Started);
+            self.tell(Moment::Leaving(&Step::Widening));
+            self.state.take_hard_iron(&found);
+            self.tell(Moment::Predicted);
         }
     }
 
