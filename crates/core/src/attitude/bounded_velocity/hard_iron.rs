@@ -48,6 +48,8 @@ pub(super) struct HardIronWatch<T: Scalar> {
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     normal: Matrix3<T>,
     right: Vector3<T>,
+    /// What it is so far, microtesla.
+    offset: Vector3<T>,
     /// Squares of what pairs are off, weighed as they are there, microtesla^2.
     squares: T,
     /// Variance of a residual, per axis, microtesla^2, and how many there were.
@@ -73,6 +75,7 @@ impl<T: Scalar> Default for HardIronWatch<T> {
             turning: T::zero(),
             normal: Matrix3::zeros(),
             right: Vector3::zeros(),
+            offset: Vector3::zeros(),
             squares: T::zero(),
             variance: lit(OWN_STD_UT * OWN_STD_UT),
             pairs: 0,
@@ -82,7 +85,12 @@ impl<T: Scalar> Default for HardIronWatch<T> {
 
 impl<T: Scalar> HardIronWatch<T> {
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
-        let vectors = self.base.iter().flatten().chain(&self.right);
+        let vectors = self
+            .base
+            .iter()
+            .flatten()
+            .chain(&self.right)
+            .chain(&self.offset);
         let scalars = [&self.since, &self.turning, &self.squares, &self.variance];
         vectors.chain(&self.normal).chain(scalars)
     }
@@ -101,7 +109,7 @@ impl<T: Scalar> HardIronWatch<T> {
     }
 
     /// Takes a field (microtesla, body axes), `dt` seconds after the last one, at a rate of turn (rad/s). Gives an offset larger than
-    /// `least` (microtesla) that is there.
+    /// `least` (microtesla) that is there. A pair may `wait` for a step with less to do.
     #[inline]
     pub(super) fn field(
         &mut self,
@@ -110,11 +118,13 @@ impl<T: Scalar> HardIronWatch<T> {
         rate: T,
         dt: T,
         least: T,
+        wait: bool,
     ) -> Option<Offset<T>> {
         self.since += dt;
         self.turning += rate * dt;
         let then = self.base;
-        if then.is_some() && self.since < lit(APART_S) && self.turning < lit(TURNING_RAD) {
+        let short = self.since < lit(APART_S) && self.turning < lit(TURNING_RAD);
+        if then.is_some() && (short || wait) {
             return None;
         }
         let offset = then.and_then(|then| self.pair(&then, field, level_from_body, least));
@@ -125,7 +135,8 @@ impl<T: Scalar> HardIronWatch<T> {
         offset
     }
 
-    /// Two fields, and what the gyroscope says between them.
+    /// Two fields, and what the gyroscope says between them. With the turn `C` the offset shows as `I - C` times it, and
+    /// `(I - C)^T (I - C) = 2 I - C - C^T`.
     fn pair(
         &mut self,
         then: &Vector3<T>,
@@ -138,17 +149,18 @@ impl<T: Scalar> HardIronWatch<T> {
         if angle < lit(LEAST_TURN_RAD) {
             return None;
         }
-        let by_offset = Matrix3::identity() - turn.to_rotation_matrix().into_inner();
+        let turn = turn.to_rotation_matrix().into_inner();
         let difference = now - turn * then;
-        let fitted = self.fit()?.0;
-        let residual2 = (difference - by_offset * fitted).norm_squared();
+        let residual = difference - self.offset + turn * self.offset;
+        let residual2 = residual.norm_squared();
         let off = angle.max(self.turning * lit(BACK_AND_FORTH)) * lit(TURN_SHARE);
         let share = self.variance / (self.variance + off * off * then.norm_squared());
         let sigmas2 = residual2 * share / self.variance;
         let student = (lit::<T>(FREEDOM + 3.0) / (sigmas2 + lit(FREEDOM))).min(T::one());
         let weight = share * student;
-        self.normal += by_offset.transpose() * by_offset * weight;
-        self.right += by_offset.transpose() * difference * weight;
+        let both = turn + turn.transpose();
+        self.normal += (Matrix3::from_diagonal_element(lit(2.0)) - both) * weight;
+        self.right += (difference - turn.tr_mul(&difference)) * weight;
         self.squares += difference.norm_squared() * weight;
         self.pairs = self.pairs.saturating_add(1);
         let memory = lit::<T>(f64::from(self.pairs.min(MEMORY)) + 1.0);
@@ -156,25 +168,28 @@ impl<T: Scalar> HardIronWatch<T> {
         let counts = if self.pairs < MEMORY { share } else { weight };
         self.variance += (residual2 * counts / lit(3.0) - self.variance) / memory;
         self.variance = self.variance.max(lit(LEAST_STD_UT * LEAST_STD_UT));
-        let (offset, covariance) = self.fit()?;
-        let size2 = offset.norm_squared();
-        let explained = self.right.dot(&offset);
-        let along = offset.dot(&(covariance * offset)) * lit(SIGMAS * SIGMAS);
-        let is_there = self.pairs >= FEWEST
-            && explained > self.variance * lit(EVIDENCE)
-            && explained > self.squares * lit(EXPLAINED)
-            && size2 > least * least
-            && along < size2 * size2;
-        let covariance = covariance * lit::<T>(DEPENDENT);
-        is_there.then_some(Offset { offset, covariance })
+        self.fit(least)
     }
 
-    /// The offset and its covariance.
-    fn fit(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
+    /// The offset that all pairs say, and whether it is there.
+    fn fit(&mut self, least: T) -> Option<Offset<T>> {
         let prior = self.variance / lit(OFFSET_STD_UT * OFFSET_STD_UT);
         let normal = self.normal + Matrix3::from_diagonal_element(prior);
         let inverse = normal.try_inverse()?;
-        Some((inverse * self.right, inverse * self.variance))
+        self.offset = inverse * self.right;
+        let offset = self.offset;
+        let (size2, explained) = (offset.norm_squared(), self.right.dot(&offset));
+        let may_be = self.pairs >= FEWEST
+            && size2 > least * least
+            && explained > self.variance * lit(EVIDENCE)
+            && explained > self.squares * lit(EXPLAINED);
+        if !may_be {
+            return None;
+        }
+        let own = inverse * self.variance;
+        let along = offset.dot(&(own * offset)) * lit(SIGMAS * SIGMAS);
+        let covariance = own * lit::<T>(DEPENDENT);
+        (along < size2 * size2).then_some(Offset { offset, covariance })
     }
 }
 
@@ -214,7 +229,7 @@ mod tests {
             let measured = truth.inverse() * field + hard_iron + noise;
             let thought = truth * so3::exp(&Vector3::new(bias * t, 0.0, 0.0));
             let rate = (attitude(t + dt).inverse() * truth).angle() / dt;
-            if let Some(offset) = watch.field(&thought, &measured, rate, dt, LEAST_UT) {
+            if let Some(offset) = watch.field(&thought, &measured, rate, dt, LEAST_UT, false) {
                 return Some((t, offset));
             }
         }
@@ -258,14 +273,14 @@ mod tests {
                 let t = f64::from(k) * 0.04;
                 let truth = so3::exp(&Vector3::new(0.0, 1.0 * (0.7 * t).sin(), 0.4 * t));
                 let measured = truth.inverse() * field + Vector3::new(1.0, 2.0, 3.0);
-                watch.field(&(off * truth), &measured, 0.6, 0.04, 1e3);
+                watch.field(&(off * truth), &measured, 0.6, 0.04, 1e3, false);
                 if correct {
                     let turn = so3::exp(&Vector3::new(0.001, -0.002, 0.01));
                     watch.corrected(&turn);
                     off = turn * off;
                 }
             }
-            watch.fit().unwrap().0
+            watch.offset
         };
         let (free, corrected) = (run(false), run(true));
         assert!((free - corrected).norm() < 1e-9, "{free} {corrected}");

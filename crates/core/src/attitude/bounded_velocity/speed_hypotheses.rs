@@ -21,6 +21,8 @@ const DRIFTING: usize = 3;
 const FASTER: f64 = 5.0;
 /// Time between two looks at the velocity, s.
 const LOOK_S: f64 = 2.0;
+/// The hypotheses have looked, one with each update, by this share of it.
+const LOOKING: f64 = 0.25;
 /// Weights of the slowest and of each faster one before anything is known, relative to that of the drifting bias.
 const SLOWEST_WEIGHT: f64 = 0.7;
 const FASTER_WEIGHT: f64 = 0.15;
@@ -333,6 +335,12 @@ impl<T: Scalar> SpeedHypotheses<T> {
     #[inline]
     pub(super) fn is_due(&self) -> bool {
         self.is_looking() || self.interval.time >= lit(LOOK_S)
+    }
+
+    /// Whether some look about now: a chip has no time for more.
+    #[inline]
+    pub(super) fn is_busy(&self) -> bool {
+        self.is_due() || self.interval.time < lit(LOOK_S * LOOKING)
     }
 
     /// The next hypothesis looks at the velocity (B11d to B11j). Gives the likeliest, as it is now, when all have and it is a

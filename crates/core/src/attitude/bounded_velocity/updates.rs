@@ -241,10 +241,9 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         }
         let (attitude, rate) = (&state.level_from_body, state.angular_rate.norm());
         let least = config.magnetometer_std_ut * config.unexpected_hard_iron;
-        if let Some(found) = state
-            .hard_iron_watch
-            .field(attitude, measured, rate, time, least)
-        {
+        let busy = state.speed_hypotheses.is_busy();
+        let watch = &mut state.hard_iron_watch;
+        if let Some(found) = watch.field(attitude, measured, rate, time, least, busy) {
             self.tell(Moment::Leaving(&Step::Widening));
             self.state.take_hard_iron(&found);
             self.tell(Moment::Predicted);
