@@ -114,6 +114,7 @@ fn bounded_velocity(counter: &Counter) {
         return;
     };
     let up = Vector3::new(0.0, 0.0, 9.806_65);
+    let earth_field = Vector3::new(0.0, 20.0, -45.0);
     filter.initialize(&InitialState {
         attitude: UnitQuaternion::identity(),
         attitude_covariance: Matrix3::from_diagonal_element(0.01),
@@ -122,18 +123,20 @@ fn bounded_velocity(counter: &Counter) {
         north_known: true,
         references: References {
             specific_force: up,
-            magnetic_field: Some(Vector3::new(0.0, 20.0, -45.0)),
+            magnetic_field: Some(earth_field),
         },
     });
-    let mut worst = 0;
-    let mut sum = 0;
+    let (mut worst, mut sum) = (0, 0);
+    let mut attitude = UnitQuaternion::identity();
     for step in 1..=STEPS {
-        // Level axes are east, north, up there.
+        // Level axes are east, north, up there. A field that did not turn with the device would be hard iron.
         let inertial = black_box(inertial(step));
         let upright = |v: Vector3<f32>| Vector3::new(v.y, v.x, -v.z);
         let rate = upright(inertial.angular_rate);
-        let force = upright(inertial.specific_force.unwrap_or_default());
-        let field = upright(inertial.magnetic_field.unwrap_or_default());
+        attitude *= UnitQuaternion::from_scaled_axis(rate * inertial.dt_s());
+        let sway = upright(inertial.specific_force.unwrap_or_default()) - up;
+        let force = black_box(attitude.inverse() * up + sway);
+        let field = black_box(attitude.inverse() * earth_field);
         let count = counter.instructions(|| {
             let _ = filter.propagate(&rate, inertial.dt_s());
             let _ = filter.update_accelerometer(&force);
