@@ -229,12 +229,12 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         {
             return Innovation::skipped(SkipReason::NotDue);
         }
-        self.update_field(measured, since_update.min(lit(LONGEST_FIELD_INTERVAL_S)))
+        self.update_field(measured, since_update)
     }
 
     /// Whether a magnetometer that is said to have no hard iron has some: then it is estimated from now on (B19b to B19d).
     #[inline]
-    fn watch_for_hard_iron(&mut self, measured: &Vector3<T>, time: T) {
+    fn watch_for_hard_iron(&mut self, measured: &Vector3<T>, since: T) {
         let (config, state) = (&self.config, &mut self.state);
         if state.layout.hard_iron().is_some() || config.unexpected_hard_iron <= T::zero() {
             return;
@@ -243,7 +243,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let least = config.magnetometer_std_ut * config.unexpected_hard_iron;
         let busy = state.speed_hypotheses.is_busy();
         let watch = &mut state.hard_iron_watch;
-        if let Some(found) = watch.field(attitude, measured, rate, time, least, busy) {
+        if let Some(found) = watch.field(attitude, measured, rate, since, least, busy) {
             self.tell(Moment::Leaving(&Step::Widening));
             self.state.take_hard_iron(&found);
             self.tell(Moment::Predicted);
@@ -251,10 +251,12 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     }
 
     /// The field in level axes against the reference field, its variance by its quality (B15 to B19);
-    /// `time` is what it stands for.
-    fn update_field(&mut self, measured: &Vector3<T>, time: T) -> Innovation<T> {
+    /// it comes `since` seconds after the last one.
+    fn update_field(&mut self, measured: &Vector3<T>, since: T) -> Innovation<T> {
         self.propagate_covariance();
-        self.watch_for_hard_iron(measured, time);
+        self.watch_for_hard_iron(measured, since);
+        // What it stands for.
+        let time = since.min(lit(LONGEST_FIELD_INTERVAL_S));
         let m = self.field_measurement(measured);
         let state = &mut self.state;
         let p = &mut state.covariance;
