@@ -5,9 +5,9 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use northing_recording::{Event, RecordingError};
+use northing_recording::{Recording, Watched};
 
-use crate::interrupt::interruptible;
+use crate::interrupt::happened;
 
 /// Nothing is drawn before this has passed.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -112,13 +112,13 @@ impl SharedProgress {
     }
 }
 
-/// Events as they come, until the program is interrupted, with their progress.
-pub(crate) fn watched(
-    events: impl IntoIterator<Item = Result<Event, RecordingError>>,
-    what: &str,
-) -> impl Iterator<Item = Result<Event, RecordingError>> {
+/// The events of a recording, until the program is interrupted, with their progress.
+pub(crate) fn watched<'a>(recording: &'a mut Recording, what: &str) -> Watched<'a> {
     let mut progress = Progress::of_stream(what);
-    interruptible(events).inspect(move |_| progress.event())
+    recording.watched(move || {
+        progress.event();
+        !happened()
+    })
 }
 
 impl Drop for Progress {

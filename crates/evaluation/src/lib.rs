@@ -43,6 +43,7 @@ pub mod attitude;
 pub mod by_name;
 pub mod calibration;
 pub mod error;
+mod events;
 pub mod exercises;
 mod named;
 pub mod navigation;

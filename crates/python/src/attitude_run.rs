@@ -6,10 +6,12 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use northing_core::geometry::rotation;
 use northing_core::kalman::Outcome;
-use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, InnovationRecord, RunObserver};
+use northing_evaluation::attitude::{
+    EstimateFile, EstimateRecord, EstimatorKind, InnovationRecord, RunObserver,
+};
 use northing_recording::SensorKind;
 use northing_recording::atomic_file::write_whole;
-use northing_report::{EstimateFile, run_page};
+use northing_report::run_page;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -7,12 +7,13 @@ use northing_core::geometry::rotation;
 use northing_core::kalman::Innovation;
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
-    AidKind, NavigationEstimate, NavigationObserver, NavigationOptions, NavigationSummary,
-    run_navigation,
+    AidKind, NavigationEstimate, NavigationFile, NavigationObserver, NavigationOptions,
+    NavigationSummary, run_navigation,
 };
 use northing_recording::atomic_file::write_whole;
+use northing_recording::device_navigation::validity_word;
 use northing_recording::{OpenOptions, Recording};
-use northing_report::{NavigationFile, NavigationReport, TRACE_CAPACITY, validity_word};
+use northing_report::{NavigationReport, TRACE_CAPACITY};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

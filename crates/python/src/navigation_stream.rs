@@ -16,7 +16,7 @@ use northing_core::tracking::SchmidtKalman;
 use northing_evaluation::navigation::magnetic_model;
 use northing_evaluation::navigation::moving_frame::{Move, MovingFrame, MovingFrameState};
 use northing_recording::GnssPosition as Fix;
-use northing_report::validity_word;
+use northing_recording::device_navigation::validity_word;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -18,18 +18,14 @@ use crate::hold::Hold;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{Opened, Pieces};
-use crate::text::read_piece;
+use crate::text::{Input, read_piece};
 
 /// Messages are logged by turns: some come late.
 const HOLD_NS: i64 = 1_000_000_000;
 const UT_PER_MILLIGAUSS: f64 = 0.1;
 
 /// Opens a log.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let sensors = [
         SensorKind::Gyroscope,
         SensorKind::Accelerometer,
@@ -69,12 +65,12 @@ struct State {
 }
 
 /// The bytes of a log.
-struct Watched<R> {
-    input: R,
+struct Watched {
+    input: Input,
     state: Arc<Mutex<State>>,
 }
 
-impl<R: Read> Read for Watched<R> {
+impl Read for Watched {
     fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
         let read = read_piece(&mut self.input, out);
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -96,17 +92,17 @@ struct Fix {
     velocity: Option<GnssVelocity>,
 }
 
-struct ArduPilotSource<R: Read> {
+struct ArduPilotSource {
     file: String,
     /// Until it ends or fails.
-    log: Option<Reader<Watched<R>>>,
+    log: Option<Reader<Watched>>,
     hold: Hold,
     fix: Option<Fix>,
     has_height: bool,
     state: Arc<Mutex<State>>,
 }
 
-impl<R: Read + Send> Pieces for ArduPilotSource<R> {
+impl Pieces for ArduPilotSource {
     fn ready(&mut self) -> Option<Event> {
         self.hold.take(self.log.is_none())
     }
@@ -141,7 +137,7 @@ impl<R: Read + Send> Pieces for ArduPilotSource<R> {
     }
 }
 
-impl<R: Read> ArduPilotSource<R> {
+impl ArduPilotSource {
     fn entry(&mut self, entry: &Entry) {
         let Some(time_us) = entry.timestamp_usec else {
             return;

@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 
+use crate::error::Result;
 use crate::event::{Event, SensorKind};
+use crate::watched::Watched;
 
 /// Most intervals that are kept of a sensor, evenly over the recording; the median is taken of them.
 const MOST_INTERVALS: usize = 4096;
@@ -65,6 +67,17 @@ impl Contents {
         if let Some((_, gathered)) = self.sensors.get_mut(at) {
             gathered.add(event);
         }
+    }
+
+    /// Takes all that are still to come.
+    ///
+    /// # Errors
+    /// What ends them early.
+    pub fn read(&mut self, events: &mut Watched<'_>) -> Result<()> {
+        for event in events {
+            self.add(&event?);
+        }
+        Ok(())
     }
 
     /// Seconds from the first to the last sample.

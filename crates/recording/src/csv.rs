@@ -2,7 +2,7 @@
 //!
 //! Read first: `docs/formats.md`. The names are in [`COLUMNS`]; any order of columns.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 
 use crate::delimited::{Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result, join};
@@ -12,7 +12,7 @@ use crate::metadata::Metadata;
 use crate::numbers::{ColumnsOfKinds, widths};
 use crate::recording::Opened;
 use crate::stamp;
-use crate::text::read_line;
+use crate::text::{Input, read_line};
 
 pub(crate) const TIME_S: &str = "t_s";
 pub(crate) const TIME_NS: &str = "t_ns";
@@ -92,16 +92,12 @@ const ADVICE: &str = "name the columns as docs/formats.md says, e.g. t_s,gyro_x_
      acc_x_m_s2,..., or describe the file with a manifest (.toml), which `northing describe` drafts";
 
 /// Opens the CSV behind `input`, reading its comments and its header.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let mut input = BufReader::with_capacity(1 << 16, input);
     let mut metadata = metadata;
     let lines_before = read_comments(&mut input, file, &mut metadata)?;
     let builder = &mut csv::ReaderBuilder::new();
-    let mut rows = Rows::new(file.to_owned(), builder, input, lines_before);
+    let mut rows = Rows::new(file.to_owned(), builder, Box::new(input), lines_before);
     let header = rows.first()?;
     let names: Vec<String> = header
         .iter()

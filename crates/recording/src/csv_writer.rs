@@ -10,6 +10,7 @@ use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
 use crate::numbers::{columns, widths};
+use crate::shortest::push_shortest;
 use crate::stamp;
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
@@ -20,7 +21,7 @@ pub struct CsvWriter {
     sensors: Vec<(SensorKind, usize)>,
     row: Row,
     /// The row as text.
-    line: String,
+    line: Vec<u8>,
 }
 
 /// Where the lines go.
@@ -79,7 +80,7 @@ impl CsvWriter {
             output,
             sensors: widths,
             row: Row::new(),
-            line: metadata_lines(metadata) + &header.join(","),
+            line: (metadata_lines(metadata) + &header.join(",")).into_bytes(),
         };
         writer.end_line()?;
         Ok(writer)
@@ -89,25 +90,24 @@ impl CsvWriter {
         if self.row.is_empty() {
             return Ok(());
         }
-        self.line.push_str(&stamp::format_s(self.row.time_ns));
+        self.line
+            .extend_from_slice(stamp::format_s(self.row.time_ns).as_bytes());
         for (kind, columns) in &self.sensors {
             let Some(sample) = self.row.get(*kind) else {
-                self.line.extend(std::iter::repeat_n(',', *columns));
+                self.line.extend(std::iter::repeat_n(b',', *columns));
                 continue;
             };
             let (values, count) = numbers(sample);
             let needed = widths(*kind).1;
             for (place, value) in values[..count].iter().enumerate() {
-                if place >= needed && value.is_nan() {
-                    self.line.push(',');
-                    continue;
+                self.line.push(b',');
+                if place < needed || !value.is_nan() {
+                    push_shortest(&mut self.line, *value);
                 }
-                // Writing to a string cannot fail.
-                let _ = write!(self.line, ",{value}");
             }
             if let Sample::Reference(reference) = sample {
-                self.line
-                    .push_str(if reference.scored { ",1" } else { ",0" });
+                let flag = if reference.scored { b",1" } else { b",0" };
+                self.line.extend_from_slice(flag);
             }
         }
         self.row.clear();
@@ -115,8 +115,8 @@ impl CsvWriter {
     }
 
     fn end_line(&mut self) -> Result<()> {
-        self.line.push('\n');
-        let written = self.output.write(self.line.as_bytes());
+        self.line.push(b'\n');
+        let written = self.output.write(&self.line);
         self.line.clear();
         written
     }

@@ -6,8 +6,6 @@ mod blanks;
 mod navigation;
 mod rows;
 
-use std::io::Read;
-
 use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
@@ -158,8 +156,8 @@ impl Layout {
 }
 
 /// Rows of text as events.
-pub(crate) struct DelimitedSource<R> {
-    rows: Rows<R>,
+pub(crate) struct DelimitedSource {
+    rows: Rows,
     layout: Layout,
     record: ByteRecord,
     /// Events of the current row, the next one last.
@@ -170,8 +168,8 @@ pub(crate) struct DelimitedSource<R> {
     taken: u64,
 }
 
-impl<R: Read + Send> DelimitedSource<R> {
-    pub(crate) fn new(rows: Rows<R>, layout: Layout) -> Self {
+impl DelimitedSource {
+    pub(crate) fn new(rows: Rows, layout: Layout) -> Self {
         Self {
             rows,
             layout,
@@ -183,7 +181,7 @@ impl<R: Read + Send> DelimitedSource<R> {
     }
 }
 
-impl<R: Read + Send> Pieces for DelimitedSource<R> {
+impl Pieces for DelimitedSource {
     fn ready(&mut self) -> Option<Event> {
         self.row.pop()
     }

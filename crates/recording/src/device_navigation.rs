@@ -86,6 +86,18 @@ pub fn validity_number(validity: Validity) -> u8 {
         .unwrap_or(3)
 }
 
+/// What a position is worth, in a word.
+#[must_use]
+pub fn validity_word(validity: Validity) -> &'static str {
+    match validity {
+        Validity::Aligning => "aligning",
+        Validity::HeadingUnknown => "heading-unknown",
+        Validity::Aided => "aided",
+        Validity::DeadReckoning => "dead-reckoning",
+        Validity::Invalid => "invalid",
+    }
+}
+
 /// What a number stands for; any other is invalid.
 pub(crate) fn validity_of(number: u8) -> Validity {
     let known = VALIDITIES.get(usize::from(number));

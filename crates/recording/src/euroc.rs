@@ -15,7 +15,7 @@ use crate::false_stamps::FalseStamps;
 use crate::merge::Merged;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
-use crate::text::open_file;
+use crate::text::{Input, open_file};
 
 /// What the columns of the two tables are called, without units.
 const TIME: &str = "timestamp";
@@ -33,11 +33,7 @@ pub(crate) fn recognises(text: &str) -> bool {
 }
 
 /// Opens a table.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let (sensors, source) = table(Box::new(input), file)?;
     RecordingError::check_sensors(file, &sensors)?;
     Ok(opened(metadata, sensors, source))
@@ -118,10 +114,7 @@ fn others(root: &Path) -> Vec<String> {
 }
 
 /// The sensors of a table, and its events.
-fn table(
-    input: Box<dyn Read + Send>,
-    file: &str,
-) -> Result<(Vec<SensorKind>, Box<dyn EventSource>)> {
+fn table(input: Input, file: &str) -> Result<(Vec<SensorKind>, Box<dyn EventSource>)> {
     let mut rows = Rows::new(file.to_owned(), &mut csv::ReaderBuilder::new(), input, 0);
     let header = rows.first()?;
     let names: Vec<String> = header

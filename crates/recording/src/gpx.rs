@@ -11,6 +11,7 @@ use crate::gnss::{GnssPosition, GnssQuality};
 use crate::limits::Limit;
 use crate::metadata::{Metadata, WorldFrame};
 use crate::recording::{Events, Opened};
+use crate::text::Input;
 
 /// A file is read whole: a week of a fix a second has some 80 MB.
 const FILE: Limit = Limit {
@@ -27,7 +28,7 @@ pub(crate) fn recognises(text: &str) -> bool {
 }
 
 /// Opens a file.
-pub(crate) fn open(mut input: impl Read, file: &str, metadata: Metadata) -> Result<Opened> {
+pub(crate) fn open(mut input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let mut bytes = Vec::new();
     let read = input.by_ref().take(FILE.most + 1).read_to_end(&mut bytes);
     read.map_err(|error| RecordingError::io(file, "read it", error))?;

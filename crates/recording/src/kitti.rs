@@ -103,7 +103,7 @@ pub(crate) fn open_folder(path: &Path, file: &str, metadata: &Metadata) -> Resul
     let mut builder = csv::ReaderBuilder::new();
     builder.delimiter(b' ').has_headers(false);
     let name = format!("{file} (samples of oxts as lines)");
-    let rows = Rows::new(name, &mut builder, lines, 0);
+    let rows = Rows::new(name, &mut builder, Box::new(lines), 0);
     let layout = layout();
     let metadata = Metadata {
         format: "kitti".to_owned(),

@@ -48,6 +48,8 @@ pub mod options;
 #[cfg(feature = "parquet")]
 mod parquet;
 #[cfg(feature = "parquet")]
+pub mod parquet_table;
+#[cfg(feature = "parquet")]
 mod parquet_writer;
 mod phyphox;
 pub mod plausibility;
@@ -55,6 +57,7 @@ pub mod pose;
 mod recording;
 mod rtklib;
 mod sensor_logger;
+pub mod shortest;
 mod stamp;
 pub mod text;
 pub mod timeline;
@@ -66,6 +69,7 @@ mod ubx;
 #[cfg(feature = "ulog")]
 mod ulog;
 mod vectornav;
+mod watched;
 pub mod wire;
 mod writer;
 mod ximu3;
@@ -80,7 +84,7 @@ pub use gnss::{GnssPosition, GnssQuality, GnssVelocity};
 pub use issues::Issues;
 pub use local_place::LocalPlace;
 pub use metadata::{BodyAxes, Frames, Metadata, WorldFrame};
-pub use open::{open, read_bytes, read_from};
+pub use open::{has_extension, open, read_bytes, read_from};
 pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit, TopicChoice};
 #[cfg(feature = "parquet")]
 pub use parquet_writer::ParquetWriter;
@@ -88,7 +92,8 @@ pub use pose::PoseEstimate;
 pub use recording::Recording;
 pub use track::{TrackPoint, check_track_path, write_track};
 pub use tum_writer::TumWriter;
-pub use writer::{EventWriter, create};
+pub use watched::Watched;
+pub use writer::{EventWriter, create, write_events};
 
 #[doc(hidden)]
 pub mod test_data;

@@ -3,14 +3,13 @@
 //! Axes are the board's: forward, right, down, in north, east, down.
 
 use std::collections::VecDeque;
-use std::io::Read;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{Opened, Pieces};
-use crate::text::read_piece;
+use crate::text::{Input, read_piece};
 use crate::wire::northing_serial::{Axes, NorthingSerial};
 
 pub(crate) use crate::wire::northing_serial::recognises;
@@ -30,7 +29,7 @@ const SENSORS: [SensorKind; 7] = [
 const CHUNK: usize = 1024;
 
 /// Opens a log or a stream.
-pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Opened {
     let source = Box::new(Source {
         file: file.to_owned(),
         input,
@@ -41,16 +40,16 @@ pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Meta
     Opened::ned("northing-serial", metadata, &SENSORS, source)
 }
 
-struct Source<R> {
+struct Source {
     file: String,
-    input: R,
+    input: Input,
     decoder: NorthingSerial,
     waiting: VecDeque<Event>,
     /// Remarks and how often they applied, told at the end.
     notes: Vec<(String, u64)>,
 }
 
-impl<R: Read + Send> Pieces for Source<R> {
+impl Pieces for Source {
     fn ready(&mut self) -> Option<Event> {
         self.waiting.pop_front()
     }

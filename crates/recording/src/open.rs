@@ -8,7 +8,7 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
 use crate::recording::{Opened, Recording};
-use crate::text::{open_file, read_piece};
+use crate::text::{Input, open_file, read_piece};
 use crate::{
     csv, describe, euroc, foreign, gpx, kf_gins, kitti, lab_session, manifest, nmea,
     northing_serial, phyphox, rtklib, sensor_logger, tum, ubx, vectornav, ximu3,
@@ -45,13 +45,16 @@ pub fn read_from(
     name: &str,
     options: &OpenOptions,
 ) -> Result<Recording> {
+    read_stream(Box::new(input), name, options)
+}
+
+fn read_stream(mut input: Input, name: &str, options: &OpenOptions) -> Result<Recording> {
     if options.describe {
         return Err(RecordingError::unsupported(
             name,
             "a stream cannot be described, which reads it twice; save it to a file, or say what it is with --manifest",
         ));
     }
-    let mut input = input;
     let head =
         stream_head(&mut input).map_err(|error| RecordingError::io(name, "read it", error))?;
     let format = match (options.format, &options.manifest) {
@@ -59,7 +62,7 @@ pub fn read_from(
         (Some(format), _) => format,
         (None, None) => detect(&head, name)?,
     };
-    let input = Cursor::new(head).chain(input);
+    let input: Input = Box::new(Cursor::new(head).chain(input));
     let metadata = named(name.to_owned());
     let opened = match (format, &options.manifest) {
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
@@ -108,7 +111,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
                 "a manifest names a file; use manifest::read_bytes for data in memory",
             ));
         }
-        format => open_stream(format, Cursor::new(bytes), name, metadata)?,
+        format => open_stream(format, Box::new(Cursor::new(bytes)), name, metadata)?,
     };
     let opened = with_reference(opened, options)?;
     Ok(Recording::new(name.to_owned(), opened, options))
@@ -246,7 +249,7 @@ pub(crate) fn open_data_file(
         }
         #[cfg(feature = "mcap")]
         Format::Mcap => crate::mcap::open(Box::new(input), file, metadata, wanted(options)),
-        format => open_stream(format, input, file, metadata),
+        format => open_stream(format, Box::new(input), file, metadata),
     }
 }
 
@@ -267,12 +270,7 @@ fn wanted(options: &OpenOptions) -> crate::mcap::Wanted<'_> {
 }
 
 /// Opens a format that is read from its beginning to its end.
-fn open_stream(
-    format: Format,
-    input: impl Read + Send + 'static,
-    name: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+fn open_stream(format: Format, input: Input, name: &str, metadata: Metadata) -> Result<Opened> {
     if let Some(problem) = not_built(format) {
         return Err(RecordingError::unsupported(name, problem));
     }
@@ -435,7 +433,9 @@ fn beside(path: &Path) -> Option<PathBuf> {
         .find(|candidate| candidate != path && manifest::describes(candidate, path))
 }
 
-pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+/// Whether a path ends in `.extension`, in any case.
+#[must_use]
+pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }

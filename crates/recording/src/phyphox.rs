@@ -14,6 +14,7 @@ use crate::merge::Merged;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 use crate::stamp;
+use crate::text::Input;
 
 /// The first column of every table.
 const TIME: &str = "Time (s)";
@@ -33,7 +34,7 @@ pub(crate) const TABLES: [&str; 9] = [
 ];
 
 /// A table's name and its text.
-pub(crate) type Table = (String, Box<dyn Read + Send>);
+pub(crate) type Table = (String, Input);
 
 /// Whether a text begins with the header of a table.
 pub(crate) fn recognises(text: &str) -> bool {
@@ -45,11 +46,7 @@ pub(crate) fn recognises(text: &str) -> bool {
 }
 
 /// Opens one table.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     open_tables(vec![(file.to_owned(), Box::new(input))], file, metadata)
 }
 
@@ -88,10 +85,8 @@ pub(crate) fn open_tables(
     })
 }
 
-type Input = Box<dyn Read + Send>;
-
 /// The rows of a table, and its sensors.
-fn table(name: &str, mut input: Input) -> Result<(Rows<Input>, Layout)> {
+fn table(name: &str, mut input: Input) -> Result<(Rows, Layout)> {
     let mut head = Vec::new();
     let read = input.by_ref().take(HEAD).read_to_end(&mut head);
     read.map_err(|error| RecordingError::io(name, "read it", error))?;

@@ -10,6 +10,7 @@ use crate::error::{RecordingError, Result, shown};
 use crate::event::SensorKind;
 use crate::metadata::Metadata;
 use crate::recording::Opened;
+use crate::text::Input;
 
 /// Bytes in which the header and the first row stand.
 const HEAD: u64 = 1 << 16;
@@ -33,11 +34,7 @@ pub(crate) fn recognises(text: &str) -> bool {
 ///
 /// # Errors
 /// It cannot be read, or has positions in another form than degrees and metres.
-pub(crate) fn open(
-    mut input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(mut input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let mut head = Vec::new();
     let read = input.by_ref().take(HEAD).read_to_end(&mut head);
     read.map_err(|error| RecordingError::io(file, "read it", error))?;
@@ -63,7 +60,7 @@ pub(crate) fn open(
     let mut rest = head;
     rest.drain(..bytes);
     let input = Cursor::new(rest).chain(input);
-    let input: Box<dyn Read + Send> = match has_commas {
+    let input: Input = match has_commas {
         true => Box::new(input),
         false => Box::new(Blanks::new(BufReader::with_capacity(1 << 16, input))),
     };

@@ -7,6 +7,9 @@ use std::path::Path;
 use crate::error::{RecordingError, Result};
 use crate::limits::read_description;
 
+/// What a reader of a format reads from, whatever that is: so each of them is compiled once.
+pub(crate) type Input = Box<dyn Read + Send>;
+
 /// Reads on into `piece` however often it is interrupted; 0 at the end.
 pub(crate) fn read_piece(input: &mut impl Read, piece: &mut [u8]) -> std::io::Result<usize> {
     loop {

@@ -3,7 +3,7 @@
 //! Read first: `docs/formats.md`, section "TUM trajectory". The attitudes are read, the world's z axis taken as up; the
 //! positions are metres in a frame that the file does not place on the Earth.
 
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 
 use crate::delimited::{Blanks, Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::Result;
@@ -11,6 +11,7 @@ use crate::event::SensorKind;
 use crate::metadata::Metadata;
 use crate::recording::Opened;
 use crate::stamp;
+use crate::text::Input;
 
 const NAMES: [&str; 8] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 /// How far a quaternion's length may be from 1: three decimals are written by some.
@@ -39,11 +40,7 @@ pub(crate) fn recognises(text: &str) -> bool {
 }
 
 /// Opens a trajectory.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let layout = Layout {
         names: NAMES.map(str::to_owned).to_vec(),
         time: 0,
@@ -58,7 +55,7 @@ pub(crate) fn open(
         .delimiter(b' ')
         .comment(Some(b'#'))
         .has_headers(false);
-    let rows = Rows::new(file.to_owned(), &mut builder, input, 0);
+    let rows = Rows::new(file.to_owned(), &mut builder, Box::new(input), 0);
     let metadata = Metadata {
         format: "tum".to_owned(),
         ..metadata

@@ -4,7 +4,6 @@
 //! stream are passed over.
 
 use std::collections::VecDeque;
-use std::io::Read;
 
 use chrono::NaiveDate;
 use ublox::nav_pvt::common::{NavPvtFlags, NavPvtValidFlags};
@@ -17,7 +16,7 @@ use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{Opened, Pieces};
-use crate::text::read_piece;
+use crate::text::{Input, read_piece};
 
 /// What begins a frame.
 const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -56,7 +55,7 @@ fn is_frame(bytes: &[u8]) -> bool {
 }
 
 /// Opens a log.
-pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Opened {
     let sensors = [
         SensorKind::GnssPosition,
         SensorKind::GnssVelocity,
@@ -72,15 +71,15 @@ pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Meta
     Opened::ned("ubx", metadata, &sensors, source)
 }
 
-struct UbxSource<R> {
+struct UbxSource {
     file: String,
-    input: R,
+    input: Input,
     parser: Parser<Vec<u8>, Proto23>,
     events: VecDeque<Event>,
     at_end: bool,
 }
 
-impl<R: Read + Send> Pieces for UbxSource<R> {
+impl Pieces for UbxSource {
     fn ready(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
@@ -104,7 +103,7 @@ impl<R: Read + Send> Pieces for UbxSource<R> {
     }
 }
 
-impl<R: Read + Send> UbxSource<R> {
+impl UbxSource {
     fn parse(&mut self, bytes: &[u8], broken: &'static str, issues: &mut Issues) {
         let mut packets = self.parser.consume_ubx(bytes);
         while let Some(packet) = packets.next() {

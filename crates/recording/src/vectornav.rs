@@ -7,7 +7,7 @@
 //! The lines have no time. What stands before one, or in the first cell of a table that quotes them, is its time of
 //! arrival; a log without any is counted at the rate at which the sensor sends unless told otherwise.
 
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 
 use nalgebra::Vector3;
 use northing_core::geometry::rotation::from_yaw_pitch_roll;
@@ -20,7 +20,7 @@ use crate::metadata::Metadata;
 use crate::nmea::arrival;
 use crate::options::FieldUnit;
 use crate::recording::{Opened, Pieces};
-use crate::text::read_line;
+use crate::text::{Input, read_line};
 
 /// How a line begins.
 const ADDRESS: &[u8] = b"$VNYMR,";
@@ -61,7 +61,7 @@ pub(crate) fn recognises(head: &str) -> bool {
 }
 
 /// Opens a log.
-pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Opened {
     let source = Box::new(Source {
         file: file.to_owned(),
         input: BufReader::with_capacity(1 << 16, input),
@@ -75,9 +75,9 @@ pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Meta
     }
 }
 
-struct Source<R> {
+struct Source {
     file: String,
-    input: BufReader<R>,
+    input: BufReader<Input>,
     text: Vec<u8>,
     times: Times,
     /// Events of a line, the next one last.
@@ -94,7 +94,7 @@ enum Times {
     Counted(i64),
 }
 
-impl<R: Read + Send> Source<R> {
+impl Source {
     fn take_line(&mut self, issues: &mut Issues) {
         let (arrival_ns, numbers) = match line(&self.text) {
             None => return,
@@ -138,7 +138,7 @@ impl<R: Read + Send> Source<R> {
     }
 }
 
-impl<R: Read + Send> Pieces for Source<R> {
+impl Pieces for Source {
     fn ready(&mut self) -> Option<Event> {
         self.waiting.pop()
     }

@@ -7,6 +7,7 @@ use crate::error::{RecordingError, Result};
 use crate::event::{Event, Reference, Sample, SensorKind};
 use crate::metadata::Metadata;
 use crate::numbers;
+use crate::watched::Watched;
 
 /// Takes events in time order and makes a file of them. Nothing appears under the file's name
 /// before [`EventWriter::finish`].
@@ -22,6 +23,20 @@ pub trait EventWriter {
     /// # Errors
     /// [`RecordingError::Io`], or [`RecordingError::Exists`] when the name has been taken meanwhile.
     fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// Writes all events that are still to come, and completes the file; how many they were.
+///
+/// # Errors
+/// What ends the events early, and as [`EventWriter`]; there is no file then.
+pub fn write_events(mut writer: Box<dyn EventWriter>, events: &mut Watched<'_>) -> Result<u64> {
+    let mut count = 0;
+    for event in events {
+        writer.write(&event?)?;
+        count += 1;
+    }
+    writer.finish()?;
+    Ok(count)
 }
 
 /// Creates a recording at `path`: `.parquet`, `.csv` or `.mcap` (messages of ROS 2) by its extension,

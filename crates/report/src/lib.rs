@@ -16,7 +16,7 @@
 //! | `attitude_worlds.rs` | the page of attitude on random worlds |
 //! | `navigation_worlds.rs` | the page of GNSS/INS on random worlds |
 //! | `faults.rs` | the page of the fault campaign |
-//! | `files/` | estimates as files: CSV, Parquet, trajectories, tracks |
+//! | `files/` | parts of campaigns and studies as Parquet |
 //! | `elements.rs` | cells, columns and figures that pages of experiments share |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
@@ -35,6 +35,7 @@ mod attitude;
 mod calibration;
 mod drawing;
 mod experiments;
+#[cfg(feature = "parquet")]
 mod files;
 mod navigation;
 mod page;
@@ -57,10 +58,9 @@ pub use experiments::campaign_outcome;
 pub use experiments::faults::render as faults_html;
 pub use experiments::navigation_worlds::render as navigation_worlds_html;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
-pub use files::{EstimateFile, NavigationFile};
 #[cfg(feature = "parquet")]
-pub use files::{campaign_part, study_part, write_group};
-pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
+pub use files::{campaign_part, study_part};
+pub use navigation::page::{NavigationReport, navigation_verdicts};
 pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::instrument::inline_script;
 pub use page::setup::setup_of;

@@ -248,7 +248,7 @@ fn check_streams(
 /// # Errors
 /// The recording, or its reference; the message begins with the name.
 pub(crate) fn aligned_reference(recording: &mut Recording, name: &str) -> Result<ReferenceUse> {
-    let events = watched(recording.by_ref(), "aligning the reference");
+    let events = watched(recording, "aligning the reference");
     let found = reference::fit(events).map_err(|error| of_recording(error, name))?;
     Ok(ReferenceUse::Aligned(found))
 }
@@ -268,7 +268,7 @@ pub(crate) fn run_over(
         world_frame: recording.metadata().world_frame,
         ..options.clone()
     };
-    let events = watched(recording.by_ref(), "estimating");
+    let events = watched(recording, "estimating");
     let summary = run(events, &options, observer);
     let mut summary = summary.map_err(|error| of_recording(error, name))?;
     summary.issues.splice(0..0, recording.issues().sentences());

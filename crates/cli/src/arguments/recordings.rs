@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use northing_evaluation::attitude::{Calibrations, RunOptions};
 use northing_recording::{OpenOptions, RecordingError, open};
 
-use crate::files::has_extension;
+use northing_recording::has_extension;
 
 /// Endings of files that may be recordings of attitude ...
 const ATTITUDE_ENDINGS: &[&str] = &["parquet", "csv", "zip", "json"];

@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_core::nalgebra::Vector3;
-use northing_recording::{Issues, Recording, Sample, TrackPoint, TumWriter, create, write_track};
+use northing_recording::{
+    Issues, Recording, Sample, TrackPoint, TumWriter, create, write_events, write_track,
+};
 use serde::Serialize;
 
 use crate::arguments::input::{DataArgs, InputArgs};
-use crate::files::has_extension;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::files::shown;
 use crate::progress::watched;
+use northing_recording::has_extension;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
@@ -124,20 +126,14 @@ fn left_out(_: &Recording, _: &Path) -> Option<String> {
 fn write_recording(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {
     let metadata = recording.metadata().clone();
     let sensors = recording.sensors().to_vec();
-    let mut writer = create(output, &metadata, &sensors, args.force)?;
-    let mut samples = 0;
-    for event in watched(recording, "converting") {
-        writer.write(&event?)?;
-        samples += 1;
-    }
-    writer.finish()?;
-    Ok(samples)
+    let writer = create(output, &metadata, &sensors, args.force)?;
+    Ok(write_events(writer, &mut watched(recording, "converting"))?)
 }
 
 /// The fixes of a satellite receiver as a track.
 fn write_fixes(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {
     let mut points = Vec::new();
-    for event in watched(recording.by_ref(), "converting") {
+    for event in watched(recording, "converting") {
         let event = event?;
         if let Sample::GnssPosition(fix) = event.sample
             && fix.is_usable()

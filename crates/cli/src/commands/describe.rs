@@ -104,9 +104,7 @@ pub(crate) fn execute(args: &DescribeArgs) -> Result<()> {
     let mut contents = Contents::default();
     let read = manifest::open_text(&draft.manifest, &place, &OpenOptions::default());
     let read = read.and_then(|mut recording| {
-        for event in watched(recording.by_ref(), "reading") {
-            contents.add(&event?);
-        }
+        contents.read(&mut watched(&mut recording, "reading"))?;
         Ok(recording.issues().sentences())
     });
     let issues = read.context("the files do not read by this draft; correct it")?;

@@ -102,7 +102,7 @@ pub(crate) fn execute(args: &HandInArgs) -> Result<()> {
     let asked = asked(args)?;
     let mut recording = args.input.open(&args.recording)?;
     let metadata = recording.metadata().clone();
-    let events = watched(recording.by_ref(), "reading");
+    let events = watched(&mut recording, "reading");
     let events = events.collect::<Result<Vec<Event>, _>>()?;
     let name = shown(&args.recording);
     let options = options(asked, &metadata, &events).with_context(|| name.clone())?;

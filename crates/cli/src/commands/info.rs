@@ -56,9 +56,7 @@ struct Info {
 pub(crate) fn execute(args: &InfoArgs) -> Result<()> {
     let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let mut contents = Contents::default();
-    for event in watched(recording.by_ref(), "reading") {
-        contents.add(&event?);
-    }
+    contents.read(&mut watched(&mut recording, "reading"))?;
     let info = Info {
         recording: shown(&args.recording),
         metadata: recording.metadata().clone(),

@@ -8,7 +8,7 @@ mod navigation;
 use anyhow::{Context, Result, bail};
 use northing_evaluation::RunEstimator;
 use northing_evaluation::attitude::reference::ReferenceUse;
-use northing_evaluation::attitude::{Calibrations, TraceObserver};
+use northing_evaluation::attitude::{Calibrations, EstimateFile, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::estimation::{Asked, aligned_reference, run_over};
@@ -20,7 +20,7 @@ use crate::files::shown;
 use crate::invocation::command_line;
 use crate::text::attitude as text;
 pub(crate) use arguments::RunArgs;
-use northing_report::{EstimateFile, TRACE_CAPACITY, run_page};
+use northing_report::{TRACE_CAPACITY, run_page};
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {

@@ -18,11 +18,11 @@ use northing_recording::{OpenOptions, tracking};
 use northing_report::study_part::{self, StudyPart};
 
 use crate::arguments::recordings;
-use crate::files::has_extension;
 use crate::files::output::{check_free, print, print_json};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 use crate::text::table::Table;
+use northing_recording::has_extension;
 
 /// Runs of a part file: so many, or a thousandth of what is to be run where that is more.
 const PART_RUNS: u64 = 64;

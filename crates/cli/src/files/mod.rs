@@ -9,12 +9,6 @@ pub(crate) mod toml_file;
 
 use std::path::Path;
 
-/// Whether a path ends in `.extension`, in any case.
-pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case(extension))
-}
-
 /// What stands for standard input in place of a file.
 pub(crate) const STDIN: &str = "-";
 

@@ -100,7 +100,7 @@ fn run_file<O: RunObserver>(
             .map_err(|error| EvaluationError::Recording(Box::new(error)))
     };
     if options.align_reference {
-        run.reference = ReferenceUse::Aligned(reference::fit(open()?)?);
+        run.reference = ReferenceUse::Aligned(reference::fit_recording(&mut open()?)?);
     }
     let mut recording = open()?;
     options.calibrations.apply(recording.metadata(), &mut run)?;

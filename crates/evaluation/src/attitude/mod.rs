@@ -20,10 +20,12 @@
 //! | many recordings, several estimators, one table | [`compare`] |
 
 pub mod alterations;
+pub mod any_driver;
 pub mod calibrated_start;
 pub mod calibrations;
 pub mod compare;
 mod device;
+mod estimate_file;
 mod field_watch;
 pub mod final_test;
 pub mod first_look;
@@ -43,7 +45,9 @@ pub mod setup;
 mod tally;
 pub mod trace;
 
+pub use any_driver::AnyDriver;
 pub use calibrations::Calibrations;
+pub use estimate_file::EstimateFile;
 pub use instants::{Instant, InstantSource, Instants};
 pub use kinds::{AnyEstimator, EstimatorKind};
 pub use observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver};

@@ -24,6 +24,7 @@ use crate::attitude::{
     InstantSource, Instants, Parameters, PositionRecord, RunObserver, RunOptions, RunSummary,
 };
 use crate::error::EvaluationError;
+use crate::events::{Events, of_one_error};
 use position_observer::PositionObserver;
 
 /// Runs the estimator of `options` over `events`, which must be in time order.
@@ -40,7 +41,15 @@ where
     I: IntoIterator<Item = Result<Event, X>>,
     X: std::error::Error + Send + Sync + 'static,
 {
-    let summary = run_leniently(events, options, observer)?;
+    run_whole(&mut of_one_error(events), options, observer)
+}
+
+fn run_whole(
+    events: &mut Events<'_>,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError> {
+    let summary = run_with(events, options, observer, Tally::new)?;
     if summary.estimates == 0 {
         return Err(nothing_estimated(&summary, options));
     }
@@ -76,6 +85,7 @@ where
     I: IntoIterator<Item = Result<Event, X>>,
     X: std::error::Error + Send + Sync + 'static,
 {
+    let events = &mut of_one_error(events);
     Ok(run_with(events, options, observer, Tally::idle)?.estimates)
 }
 
@@ -101,33 +111,24 @@ pub(crate) fn options_for(recording: &Recording, options: &RunOptions) -> RunOpt
 }
 
 /// As [`run`], but a recording in which there is nothing to estimate is no error.
-pub(crate) fn run_leniently<I, X>(
-    events: I,
+pub(crate) fn run_leniently(
+    recording: &mut Recording,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
-) -> Result<RunSummary, EvaluationError>
-where
-    I: IntoIterator<Item = Result<Event, X>>,
-    X: std::error::Error + Send + Sync + 'static,
-{
-    run_with(events, options, observer, Tally::new)
+) -> Result<RunSummary, EvaluationError> {
+    run_with(&mut of_one_error(recording), options, observer, Tally::new)
 }
 
 /// What counts, scores and judges a run.
 type MakeTally = fn(&RunOptions) -> Tally;
 
-fn run_with<I, X>(
-    events: I,
+fn run_with(
+    events: &mut Events<'_>,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
     tally: MakeTally,
-) -> Result<RunSummary, EvaluationError>
-where
-    I: IntoIterator<Item = Result<Event, X>>,
-    X: std::error::Error + Send + Sync + 'static,
-{
+) -> Result<RunSummary, EvaluationError> {
     let ignored = options.reference == ReferenceUse::Ignored;
-    let mut events = events.into_iter();
     // A loop, where `filter` and `map` would hand every event on by value twice more.
     let events = std::iter::from_fn(|| {
         loop {
@@ -138,9 +139,7 @@ where
         }
     });
     let events = Aligned::new(events, options.reference.alignment());
-    let mut instants = Instants::new(events)
-        .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
-    over_instants(&mut instants, options, observer, tally)
+    over_instants(&mut Instants::new(events), options, observer, tally)
 }
 
 /// Runs over messages as they come: the events of each have one stamp and are taken at once. An estimate does not wait for

@@ -23,6 +23,7 @@ mod ins_navigator;
 pub mod kinds;
 pub mod magnetic_model;
 pub mod moving_frame;
+mod navigation_file;
 pub mod navigator;
 pub mod observer;
 pub mod options;
@@ -35,6 +36,7 @@ mod smoothed;
 pub mod trace;
 
 pub use kinds::NavigationKind;
+pub use navigation_file::NavigationFile;
 pub use navigator::{Aid, AidKind, NavigationEstimate};
 pub use observer::{NavigationObserver, ScoredPoint};
 pub use options::{NavigationOptions, Outage};

@@ -38,6 +38,7 @@ use super::score::{LastFix, Scorer};
 use super::ship_navigator::ShipNavigator;
 use super::smoothed::Scored;
 use crate::error::EvaluationError;
+use crate::events::{Events, of_one_error};
 use crate::statistics::faults::FaultTally;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
 use crate::statistics::seconds_between;
@@ -63,11 +64,26 @@ where
     I: IntoIterator<Item = Result<Event, X>>,
     X: std::error::Error + Send + Sync + 'static,
 {
+    run_whole(
+        &mut of_one_error(events),
+        name,
+        frames.into(),
+        options,
+        observer,
+    )
+}
+
+fn run_whole(
+    events: &mut Events<'_>,
+    name: &str,
+    frames: Frames,
+    options: &NavigationOptions,
+    observer: &mut dyn NavigationObserver,
+) -> Result<NavigationSummary, EvaluationError> {
     options.check()?;
-    let mut session = Session::new(options, frames.into(), observer)?;
+    let mut session = Session::new(options, frames, observer)?;
     for event in events {
-        let event = event.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
-        session.take(&event);
+        session.take(&event?);
     }
     session.end()?;
     session.flush_inertial();

@@ -197,7 +197,7 @@ impl DeviceSession {
     pub fn estimates(&self) -> BTreeMap<&'static str, Estimate> {
         let mut estimates = BTreeMap::new();
         for track in self.tracks.iter().filter(|t| t.driver.is_started()) {
-            let estimator = &track.driver.estimator;
+            let estimator = track.driver.estimator();
             let bias = estimator.gyroscope_bias();
             let q = estimator.attitude();
             let covariance = estimator.attitude_covariance();

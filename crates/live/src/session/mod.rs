@@ -439,7 +439,7 @@ impl DeviceSession {
             Ok(retuned) => {
                 for (track, estimator) in self.tracks.iter_mut().zip(retuned) {
                     if let Some(estimator) = estimator {
-                        track.driver.estimator = estimator;
+                        track.driver.replace_estimator(estimator);
                     }
                 }
             }

@@ -175,7 +175,7 @@ impl DeviceSession {
     /// Finds the subject among the estimators of now and forgets what was gathered about the one before.
     pub(super) fn renew_subject(&mut self) {
         let of = |track: &Track| {
-            let estimator = &track.driver.estimator;
+            let estimator = track.driver.estimator();
             (track.kind, estimator.attitude_covariance().is_some())
         };
         let running: Vec<_> = self.tracks.iter().map(of).collect();
@@ -279,7 +279,7 @@ impl DeviceSession {
         let Some(track) = self.subject_track() else {
             return idle("No estimator runs: nothing to judge.");
         };
-        if track.driver.estimator.attitude_covariance().is_none() {
+        if track.driver.estimator().attitude_covariance().is_none() {
             return idle("No covariance: nothing to judge.");
         }
         let Some(mut lamp) = window.lamp().cloned() else {

@@ -1,8 +1,9 @@
 //! One estimator on a live stream: its driver, and changing its parameters while it runs.
 
-use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
+use northing_core::attitude::driver::DriverConfig;
 use northing_core::attitude::{AttitudeEstimator, InitialState};
 use northing_evaluation::EvaluationError;
+use northing_evaluation::attitude::AnyDriver;
 use northing_evaluation::attitude::kinds::{AnyEstimator, EstimatorKind};
 use northing_evaluation::attitude::parameters::Parameters;
 
@@ -12,7 +13,7 @@ pub struct Track {
     /// Which estimator.
     pub kind: EstimatorKind,
     /// What feeds it.
-    pub driver: AttitudeDriver<f64, AnyEstimator>,
+    pub driver: AnyDriver,
     /// Whether a magnetic field has said where north is.
     pub has_field: bool,
 }
@@ -28,7 +29,7 @@ impl Track {
         driver: DriverConfig<f64>,
     ) -> Result<Option<Self>, EvaluationError> {
         let estimator = AnyEstimator::live(kind, config)?;
-        let driver = estimator.map(|estimator| AttitudeDriver::new(estimator, driver));
+        let driver = estimator.map(|estimator| AnyDriver::new(estimator, driver));
         Ok(driver.map(|driver| Self {
             kind,
             driver,
@@ -45,7 +46,7 @@ impl Track {
     /// The state of now, to start from anew; `None` while it aligns itself.
     #[must_use]
     pub fn state(&self) -> Option<InitialState<f64>> {
-        let (estimator, start) = (&self.driver.estimator, self.driver.start()?);
+        let (estimator, start) = (self.driver.estimator(), self.driver.start()?);
         // Filters without a bias state keep the bias they started with.
         let (bias, bias_std) = match estimator.gyroscope_bias() {
             Some((bias, p)) => (bias, p.diagonal().max().max(0.0).sqrt()),
@@ -85,7 +86,7 @@ impl Track {
     /// A parameter is invalid; nothing has changed then.
     pub fn retune(&mut self, config: &Parameters) -> Result<(), EvaluationError> {
         if let Some(estimator) = self.retuned(config)? {
-            self.driver.estimator = estimator;
+            self.driver.replace_estimator(estimator);
         }
         Ok(())
     }
@@ -93,6 +94,6 @@ impl Track {
     /// Why the estimator has failed, in a sentence.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
-        self.driver.estimator.failure()
+        self.driver.estimator().failure()
     }
 }

@@ -8,24 +8,25 @@ use csv::{ByteRecord, Position, ReaderBuilder, StringRecord};
 
 use crate::error::{RecordingError, Result};
 use crate::limits::LINE;
+use crate::text::Input;
 
 /// Bytes that the csv reader takes at once, among them parts of rows to come.
 const BUFFER: usize = 1 << 16;
 
 /// The rows of a file, with errors that name file and line.
-pub(crate) struct Rows<R> {
+pub(crate) struct Rows {
     file: String,
-    reader: csv::Reader<Rationed<R>>,
+    reader: csv::Reader<Rationed>,
     ration: Arc<AtomicU64>,
     /// Lines of the file before the part that is read here.
     lines_before: u64,
 }
 
-impl<R: Read> Rows<R> {
+impl Rows {
     pub(crate) fn new(
         file: String,
         builder: &mut ReaderBuilder,
-        input: R,
+        input: Input,
         lines_before: u64,
     ) -> Self {
         let ration = Arc::new(AtomicU64::new(RATION));
@@ -115,12 +116,12 @@ impl<R: Read> Rows<R> {
 const RATION: u64 = LINE.most + 2 * BUFFER as u64;
 
 /// An input that gives no more than the ration, which is renewed for each row.
-struct Rationed<R> {
-    input: R,
+struct Rationed {
+    input: Input,
     ration: Arc<AtomicU64>,
 }
 
-impl<R: Read> Read for Rationed<R> {
+impl Read for Rationed {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let read = self.input.read(out)?;
         let left = self.ration.load(Ordering::Relaxed);

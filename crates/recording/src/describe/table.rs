@@ -8,7 +8,7 @@ use crate::error::{RecordingError, Result};
 use crate::limits::LINE;
 use crate::numpy::open_table;
 use crate::stamp;
-use crate::text::read_line;
+use crate::text::{Input, read_line};
 
 /// Lines in which the form is looked for.
 const LINES: usize = 400;
@@ -316,7 +316,7 @@ pub(super) fn is_time_of_day(cell: &str) -> bool {
 
 /// The lines of a file, none of them endless, up to the bytes that are looked at.
 struct Lines {
-    input: BufReader<std::io::Take<Box<dyn Read + Send>>>,
+    input: BufReader<std::io::Take<Input>>,
     file: String,
     line: Vec<u8>,
 }

@@ -20,6 +20,7 @@ use crate::merge::Merged;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 use crate::stamp;
+use crate::text::Input;
 
 pub(crate) use told::{Table, columns_of_numbers};
 
@@ -56,16 +57,11 @@ impl Table {
         }
     }
 
-    fn source(
-        self,
-        file: &str,
-        head: &[u8],
-        input: impl Read + Send + 'static,
-    ) -> Box<dyn EventSource> {
+    fn source(self, file: &str, head: &[u8], input: Input) -> Box<dyn EventSource> {
         let rows = head.split(|byte| *byte == b'\n');
         let mut rows = rows.filter(|row| !row.trim_ascii_start().starts_with(b"#"));
         let has_commas = rows.any(|row| row.contains(&b','));
-        let input: Box<dyn Read + Send> = if has_commas {
+        let input: Input = if has_commas {
             Box::new(input)
         } else {
             Box::new(Blanks::new(BufReader::with_capacity(1 << 16, input)))
@@ -96,11 +92,7 @@ impl Table {
 ///
 /// # Errors
 /// It cannot be read, or its first rows are neither of the two.
-pub(crate) fn open(
-    mut input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(mut input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let head = head(&mut input).map_err(|error| RecordingError::io(file, "read it", error))?;
     let Some(table) = Table::of_bytes(&head) else {
         return Err(RecordingError::unsupported(
@@ -110,7 +102,11 @@ pub(crate) fn open(
                       three standard deviations (m); a manifest describes any other table",
         ));
     };
-    let source = table.source(file, &head, Cursor::new(head.clone()).chain(input));
+    let source = table.source(
+        file,
+        &head,
+        Box::new(Cursor::new(head.clone()).chain(input)),
+    );
     Ok(Opened::ned("kf-gins", metadata, &table.sensors(), source))
 }
 
@@ -140,7 +136,7 @@ pub(crate) fn open_folder(path: &Path, file: &str, metadata: &Metadata) -> Resul
         let mut input = File::open(path).map_err(failed)?;
         let head = head(&mut input).map_err(failed)?;
         let rest = Cursor::new(head.clone()).chain(input);
-        streams.push(table.source(&name, &head, rest));
+        streams.push(table.source(&name, &head, Box::new(rest)));
         sensors.extend(table.sensors());
     }
     let source = Box::new(Merged::new(streams));

@@ -8,7 +8,7 @@ mod navigation;
 mod schema;
 mod table;
 
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
@@ -19,7 +19,7 @@ use crate::numpy;
 use crate::open::{has_extension, open_data_file, stem};
 use crate::options::{Format, OpenOptions, TopicChoice};
 use crate::recording::{Opened, Recording, Scale};
-use crate::text::read_manifest;
+use crate::text::{Input, read_manifest};
 
 pub use navigation::{
     AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, LocalColumns, Origin,
@@ -45,7 +45,7 @@ pub fn read_bytes(
         manifest: parse(manifest, name)?,
         file: name.to_owned(),
     };
-    let opened = loaded.stream(Cursor::new(data), name, name.to_owned(), options)?;
+    let opened = loaded.stream(Box::new(Cursor::new(data)), name, name.to_owned(), options)?;
     Ok(Recording::new(name.to_owned(), opened, options))
 }
 
@@ -80,7 +80,7 @@ pub(crate) fn open_with_data(path: &Path, data: &Path, options: &OpenOptions) ->
 
 /// Reads a stream as the manifest at `path` describes.
 pub(crate) fn open_stream(
-    input: impl Read + Send + 'static,
+    input: Input,
     name: &str,
     path: &Path,
     options: &OpenOptions,
@@ -209,7 +209,7 @@ impl Loaded {
 
     fn stream(
         &self,
-        input: impl Read + Send + 'static,
+        input: Input,
         file: &str,
         name: String,
         options: &OpenOptions,

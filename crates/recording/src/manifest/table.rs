@@ -1,6 +1,6 @@
 //! One table of a manifest: delimited text with the columns that it names.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 
 use super::layout::LayoutBuilder;
 use super::schema::Source;
@@ -9,18 +9,19 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::OpenOptions;
 use crate::recording::Opened;
+use crate::text::Input;
 
 /// Reads `input` as the source describes; `file` and `manifest_file` stand for the two in messages.
 pub(super) fn open(
     source: &Source,
     manifest_file: &str,
-    input: impl Read + Send + 'static,
+    input: Input,
     file: &str,
     options: &OpenOptions,
 ) -> Result<Opened> {
     let mut input = BufReader::with_capacity(1 << 16, input);
     skip(&mut input, source.skip_rows, file)?;
-    let input: Box<dyn Read + Send> = if source.delimiter == ' ' {
+    let input: Input = if source.delimiter == ' ' {
         Box::new(Blanks::new(input))
     } else {
         Box::new(input)
@@ -51,11 +52,7 @@ pub(super) fn open(
 }
 
 /// The names in the header; without one the numbers of the columns from 1.
-fn column_names(
-    source: &Source,
-    rows: &mut Rows<Box<dyn Read + Send>>,
-    file: &str,
-) -> Result<Vec<String>> {
+fn column_names(source: &Source, rows: &mut Rows, file: &str) -> Result<Vec<String>> {
     // Without a header this is the first row, which stays to be read.
     let first = rows.first()?;
     if first.is_empty() {

@@ -13,7 +13,7 @@ mod epoch;
 mod line;
 
 use std::collections::BTreeSet;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 
 use content::Content;
 use epoch::{Calendar, Epoch};
@@ -26,7 +26,7 @@ use crate::issues::Issues;
 use crate::limits::{LOG_LINE, WAITING};
 use crate::metadata::Metadata;
 use crate::recording::{Opened, Pieces};
-use crate::text::read_line;
+use crate::text::{Input, read_line};
 
 pub(crate) use line::{arrival, recognises};
 
@@ -44,7 +44,7 @@ const SENSORS: [SensorKind; 5] = [
 const HOLD_NS: i64 = 3_000_000_000;
 
 /// Opens a log.
-pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Opened {
     let source = Box::new(NmeaSource {
         file: file.to_owned(),
         input: BufReader::with_capacity(1 << 16, input),
@@ -56,15 +56,15 @@ pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Meta
 }
 
 /// The log of a file as events.
-struct NmeaSource<R> {
+struct NmeaSource {
     file: String,
-    input: BufReader<R>,
+    input: BufReader<Input>,
     line: Vec<u8>,
     log: Log,
     at_end: bool,
 }
 
-impl<R: Read + Send> Pieces for NmeaSource<R> {
+impl Pieces for NmeaSource {
     fn ready(&mut self) -> Option<Event> {
         self.log.hold.take(self.at_end)
     }

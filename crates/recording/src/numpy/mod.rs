@@ -13,11 +13,11 @@ use zip::ZipArchive;
 
 use crate::error::{RecordingError, Result, join, shown};
 use crate::limits::{self, MEMBERS};
-use crate::text::open_file;
+use crate::text::{Input, open_file};
 use npy::{Array, MAGIC, Values};
 
 /// Opens a table of text, as it is or made of arrays.
-pub(crate) fn open_table(path: &Path, file: &str) -> Result<Box<dyn Read + Send>> {
+pub(crate) fn open_table(path: &Path, file: &str) -> Result<Input> {
     let failed = |error| RecordingError::io(file, "read it", error);
     let mut input = open_file(path, file)?;
     let mut head = Vec::new();

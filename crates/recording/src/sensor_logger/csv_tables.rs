@@ -13,11 +13,10 @@ use crate::false_stamps::FalseStamps;
 use crate::phyphox;
 use crate::recording::EventSource;
 use crate::stamp;
+use crate::text::Input;
 
 /// The name of the time column of every table.
 pub(super) const TIME: &str = "time";
-
-type Input = Box<dyn Read + Send>;
 
 /// Tables of an export, each a CSV file that can be read from its beginning as often as is wanted.
 pub(super) trait CsvTables {
@@ -29,7 +28,7 @@ pub(super) trait CsvTables {
     /// The name of a table for messages, and its text.
     fn input(&self, table: &str) -> Result<(String, Input)>;
 
-    fn rows(&self, table: &str) -> Result<Rows<Input>> {
+    fn rows(&self, table: &str) -> Result<Rows> {
         let (file, input) = self.input(table)?;
         let builder = &mut csv::ReaderBuilder::new();
         Ok(Rows::new(file, builder, input, 0))

@@ -1,14 +1,13 @@
 //! Sensor Logger's folder: one CSV file a sensor, and `Metadata.csv`.
 
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::csv_tables::CsvTables;
 use super::plain;
 use crate::error::{RecordingError, Result};
 use crate::open::{has_extension, stem};
-use crate::text::open_file;
+use crate::text::{Input, open_file};
 
 /// The tables of a folder.
 pub(super) struct Folder {
@@ -47,7 +46,7 @@ impl CsvTables for Folder {
         self.tables.values().map(|(_, name)| name.clone()).collect()
     }
 
-    fn input(&self, table: &str) -> Result<(String, Box<dyn Read + Send>)> {
+    fn input(&self, table: &str) -> Result<(String, Input)> {
         let Some((path, name)) = self.tables.get(table) else {
             return Err(RecordingError::unsupported(
                 &self.shown,

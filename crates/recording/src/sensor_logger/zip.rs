@@ -15,6 +15,7 @@ use crate::error::{RecordingError, Result, join, shown};
 use crate::foreign;
 use crate::limits::{self, MEMBERS};
 use crate::phyphox;
+use crate::text::Input;
 
 /// The tables of a zip.
 pub(super) struct Zip {
@@ -122,7 +123,7 @@ impl CsvTables for Zip {
         self.tables.values().map(|m| m.name.clone()).collect()
     }
 
-    fn input(&self, table: &str) -> Result<(String, Box<dyn Read + Send>)> {
+    fn input(&self, table: &str) -> Result<(String, Input)> {
         let Some(member) = self.tables.get(table) else {
             return Err(RecordingError::unsupported(
                 &self.shown,

@@ -1,7 +1,6 @@
 //! Scans, detections and truth from delimited text.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::path::Path;
 
 use csv::StringRecord;
@@ -19,7 +18,7 @@ use crate::text::open_file;
 pub(super) struct Table {
     file: String,
     columns: HashMap<String, usize>,
-    rows: Rows<File>,
+    rows: Rows,
     row: StringRecord,
 }
 
@@ -31,7 +30,7 @@ impl Table {
         let input = open_file(&path, &file)?;
         let mut builder = csv::ReaderBuilder::new();
         builder.trim(csv::Trim::All);
-        let mut rows = Rows::new(file.clone(), &mut builder, input, 0);
+        let mut rows = Rows::new(file.clone(), &mut builder, Box::new(input), 0);
         let headers = StringRecord::from_byte_record(rows.first()?).map_err(|_| {
             RecordingError::bad_line(&file, 1, "names of columns that are no text in UTF-8")
         })?;

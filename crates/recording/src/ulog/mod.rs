@@ -8,7 +8,7 @@
 mod screen;
 
 use std::collections::BTreeMap;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,6 +28,7 @@ use crate::hold::Hold;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{Opened, Pieces};
+use crate::text::Input;
 use screen::Screen;
 
 const TOPICS: &[&str] = &[
@@ -43,14 +44,10 @@ const HOLD_NS: i64 = 1_000_000_000;
 const NO_MEASUREMENT: f64 = i32::MAX as f64;
 const UT_PER_GAUSS: f64 = 100.0;
 
-type Log<R> = ULogParser<Screen<BufReader<R>>>;
+type Log = ULogParser<Screen<BufReader<Input>>>;
 
 /// Opens a log.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let cut_off = Arc::new(AtomicBool::new(false));
     let input = BufReader::with_capacity(1 << 16, input);
     let screen = Screen::new(input, TOPICS, Arc::clone(&cut_off));
@@ -76,17 +73,17 @@ pub(crate) fn open(
     Ok(Opened::ned("ulog", metadata, &sensors, source))
 }
 
-struct UlogSource<R: Read> {
+struct UlogSource {
     file: String,
     /// Until it ends or fails.
-    log: Option<Log<R>>,
+    log: Option<Log>,
     /// The topic of each subscription.
     topics: BTreeMap<u16, String>,
     hold: Hold,
     cut_off: Arc<AtomicBool>,
 }
 
-impl<R: Read + Send> Pieces for UlogSource<R> {
+impl Pieces for UlogSource {
     fn ready(&mut self) -> Option<Event> {
         self.hold.take(self.log.is_none())
     }
@@ -124,7 +121,7 @@ impl<R: Read + Send> Pieces for UlogSource<R> {
     }
 }
 
-impl<R: Read> UlogSource<R> {
+impl UlogSource {
     fn data(&mut self, data: &LoggedData) {
         let Some(topic) = self.topics.get(&data.msg_id) else {
             return;

@@ -8,7 +8,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::geometry::frames::enu_from_ned_rotation;
@@ -22,7 +22,7 @@ use crate::limits::LOG_LINE;
 use crate::metadata::{BodyAxes, Metadata};
 use crate::options::{DEGREE, STANDARD_GRAVITY_M_S2};
 use crate::recording::{Opened, Pieces};
-use crate::text::read_line;
+use crate::text::{Input, read_line};
 
 pub(crate) use tables::open_folder;
 
@@ -87,25 +87,17 @@ pub(crate) fn recognises(head: &[u8]) -> bool {
 }
 
 /// Opens such a file, or a table of an inertial sensor.
-pub(crate) fn open_any(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+pub(crate) fn open_any(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
     let mut input = BufReader::with_capacity(1 << 16, input);
     let head = input.fill_buf();
     let head = head.map_err(|error| RecordingError::io(file, "read it", error))?;
     if tables::recognises(head) {
-        return tables::open_table(input, file, metadata);
+        return tables::open_table(Box::new(input), file, metadata);
     }
     open(input, file, metadata)
 }
 
-fn open<R: Read + Send + 'static>(
-    input: BufReader<R>,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
+fn open(input: BufReader<Input>, file: &str, metadata: Metadata) -> Result<Opened> {
     let mut source = Source {
         file: file.to_owned(),
         input,
@@ -165,9 +157,9 @@ fn earth(convention: i64) -> UnitQuaternion<f64> {
     }
 }
 
-struct Source<R> {
+struct Source {
     file: String,
-    input: BufReader<R>,
+    input: BufReader<Input>,
     line: Vec<u8>,
     /// Whether there is a line that is not taken yet.
     is_read: bool,
@@ -177,7 +169,7 @@ struct Source<R> {
     ended: bool,
 }
 
-impl<R: Read + Send> Source<R> {
+impl Source {
     /// Takes a setting, or an answer of the device.
     fn setting(&mut self, device: &mut Option<String>) {
         let Ok(Json::Object(setting)) = serde_json::from_slice::<Json>(&self.line) else {
@@ -227,7 +219,7 @@ impl<R: Read + Send> Source<R> {
     }
 }
 
-impl<R: Read + Send> Pieces for Source<R> {
+impl Pieces for Source {
     fn ready(&mut self) -> Option<crate::event::Event> {
         self.hold.take(self.ended)
     }

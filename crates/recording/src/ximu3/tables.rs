@@ -18,7 +18,7 @@ use crate::metadata::Metadata;
 use crate::options::{DEGREE, STANDARD_GRAVITY_M_S2};
 use crate::recording::{EventSource, Opened};
 use crate::stamp::MICROSECONDS;
-use crate::text::open_file;
+use crate::text::{Input, open_file};
 
 const TIME: &str = "Timestamp (us)";
 const INERTIAL: &str = "Inertial.csv";
@@ -86,12 +86,8 @@ pub(super) fn recognises(head: &[u8]) -> bool {
 }
 
 /// Opens a table of an inertial sensor, which may have a field, too.
-pub(super) fn open_table(
-    input: impl Read + Send + 'static,
-    file: &str,
-    metadata: Metadata,
-) -> Result<Opened> {
-    let (sensors, source) = table(Box::new(input), file, &[RATE, FORCE, FIELD])?;
+pub(super) fn open_table(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
+    let (sensors, source) = table(input, file, &[RATE, FORCE, FIELD])?;
     RecordingError::check_sensors(file, &sensors)?;
     Ok(opened(metadata, None, sensors, source))
 }
@@ -192,7 +188,7 @@ impl EventSource for OfEarth {
 
 /// The sensors of a table, and its events.
 fn table(
-    input: Box<dyn Read + Send>,
+    input: Input,
     file: &str,
     columns: &[Columns],
 ) -> Result<(Vec<SensorKind>, Box<dyn EventSource>)> {

@@ -16,6 +16,7 @@ use northing_experiments::radar::campaign::{CampaignKey, Part};
 use northing_experiments::radar::sums::CampaignSums;
 use northing_experiments::radar::{Campaign, TrackerKind};
 use northing_recording::AtomicFile;
+use northing_recording::parquet_table::write_group;
 use parquet::column::reader::ColumnReader;
 use parquet::data_type::Int64Type;
 use parquet::file::metadata::KeyValue;
@@ -24,8 +25,6 @@ use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use serde::{Deserialize, Serialize};
-
-use super::write_group;
 
 /// Key of the metadata.
 const KEY: &str = "northing_campaign";

@@ -1,7 +1,5 @@
 //! The report of a navigation run: track, errors, consistency, and the innovations of each aid.
 
-use northing_core::navigation::Validity;
-
 use crate::navigation::plots;
 use crate::page::facts::{Fact, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
@@ -469,18 +467,6 @@ fn aid_table(summary: &NavigationSummary) -> Table {
             "components",
         ]),
         rows: rows.collect(),
-    }
-}
-
-/// What a position is worth, in a word.
-#[must_use]
-pub fn validity_word(validity: Validity) -> &'static str {
-    match validity {
-        Validity::Aligning => "aligning",
-        Validity::HeadingUnknown => "heading-unknown",
-        Validity::Aided => "aided",
-        Validity::DeadReckoning => "dead-reckoning",
-        Validity::Invalid => "invalid",
     }
 }
 

@@ -132,7 +132,7 @@ fn analyzed(args: &AllanArgs, name: &str) -> Result<AllanReport> {
         sensor: args.sensor,
         ..AllanConfig::default()
     };
-    let events = args.span.of(watched(recording.by_ref(), "reading"));
+    let events = args.span.of(watched(&mut recording, "reading"));
     let mut samples = RestSamples::new(args.sensor);
     for event in events {
         samples.add_event(&event?);

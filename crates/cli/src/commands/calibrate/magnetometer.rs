@@ -106,7 +106,7 @@ pub(super) fn execute(args: &MagnetometerArgs) -> Result<()> {
 fn calibrate(args: &MagnetometerArgs, name: &str) -> Result<(MagnetometerReport, Vec<String>)> {
     let mut recording = args.input.open(&args.recording)?;
     let mut samples = FieldSamples::default();
-    for event in args.span.of(watched(recording.by_ref(), "calibrating")) {
+    for event in args.span.of(watched(&mut recording, "calibrating")) {
         samples.add(&event?);
     }
     let limits = MagnetometerLimits {

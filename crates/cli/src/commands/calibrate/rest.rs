@@ -110,7 +110,7 @@ fn calibrate(args: &RestArgs) -> Result<Calibrated> {
         from_s: args.span.from,
         to_s: args.span.to,
     };
-    let events = watched(recording.by_ref(), "calibrating").map(|event| {
+    let events = watched(&mut recording, "calibrating").map(|event| {
         let apply = |event| field.map_or(event, |field| field.apply(event));
         event.map(apply)
     });

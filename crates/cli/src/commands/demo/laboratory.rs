@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use northing_core::calibration::RestCalibration;
 use northing_core::nalgebra::Vector3;
 use northing_evaluation::attitude::{
-    EstimatorKind, Profile, RunObserver, RunOptions, RunSummary, TraceObserver,
+    EstimateFile, EstimatorKind, Profile, RunObserver, RunOptions, RunSummary, TraceObserver,
 };
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::statistics::consistency::nees_in_words;
@@ -29,7 +29,7 @@ use crate::text::rest_calibration::values;
 use crate::text::sheet::paragraph;
 use crate::text::table::Table;
 use northing_evaluation::calibration::rest::{self, Calibrated, Span};
-use northing_report::{EstimateFile, TRACE_CAPACITY, run_page};
+use northing_report::{TRACE_CAPACITY, run_page};
 
 /// What the demonstration compares: the filter, integration alone, and the phone itself.
 const COMPARED: [EstimatorKind; 3] = [

@@ -7,9 +7,10 @@ use anyhow::{Context, Result, anyhow, bail};
 use northing_evaluation::exercises::{Card, Class, HandIn, Judged};
 use rayon::prelude::*;
 
-use crate::files::{has_extension, shown};
+use crate::files::shown;
 use crate::interrupt;
 use crate::progress::SharedProgress;
+use northing_recording::has_extension;
 
 /// What was found and judged.
 #[derive(Default)]

@@ -5,11 +5,12 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail};
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
-    NavigationKind, NavigationObserver, NavigationOptions, NavigationSummary, run_navigation,
+    NavigationFile, NavigationKind, NavigationObserver, NavigationOptions, NavigationSummary,
+    run_navigation,
 };
 use northing_recording::Recording;
 use northing_recording::atomic_file::write_whole;
-use northing_report::{NavigationFile, NavigationReport, TRACE_CAPACITY};
+use northing_report::{NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
 use super::foxglove;
@@ -95,7 +96,7 @@ pub(super) fn run_over(
     observer: &mut dyn NavigationObserver,
 ) -> Result<NavigationSummary> {
     let world = recording.metadata().frames();
-    let events = watched(recording.by_ref(), "navigating");
+    let events = watched(recording, "navigating");
     let summary = run_navigation(events, name, world, options, observer);
     let mut summary = summary.map_err(|error| {
         let dropped = recording.issues().rows_without_stamp;

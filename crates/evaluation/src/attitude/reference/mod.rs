@@ -20,10 +20,11 @@ pub(crate) mod simulated;
 mod tests;
 mod watch;
 
-use northing_recording::Event;
+use northing_recording::{Event, Recording};
 
 use crate::attitude::Instants;
 use crate::error::EvaluationError;
+use crate::events::{Events, of_one_error};
 
 pub(crate) use aligned::Aligned;
 use alignment::find;
@@ -73,10 +74,20 @@ where
     I: IntoIterator<Item = Result<Event, X>>,
     X: std::error::Error + Send + Sync + 'static,
 {
+    fit_whole(&mut of_one_error(events))
+}
+
+/// As [`fit`], of a recording.
+pub(crate) fn fit_recording(
+    recording: &mut Recording,
+) -> Result<ReferenceAlignment, EvaluationError> {
+    fit(recording)
+}
+
+fn fit_whole(events: &mut Events<'_>) -> Result<ReferenceAlignment, EvaluationError> {
     let mut rates = Rates::new(LONGEST_FIT_S);
     for instant in Instants::new(events) {
-        let instant = instant.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
-        rates.add(&instant);
+        rates.add(&instant?);
     }
     find(&rates.series())
         .map_err(|problem| EvaluationError::Reference(Box::new(problem)))?

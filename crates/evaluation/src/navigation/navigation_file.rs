@@ -3,22 +3,22 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::geometry::rotation;
-use northing_evaluation::navigation::{NavigationEstimate, NavigationObserver};
-use northing_recording::AtomicFile;
 #[cfg(feature = "parquet")]
 use northing_recording::device_navigation::validity_number;
+use northing_recording::device_navigation::validity_word;
 use northing_recording::fixed::{push_fixed, push_seconds};
 #[cfg(feature = "mcap")]
 use northing_recording::mcap::EstimateWriter;
-use northing_recording::track::{TrackPoint, check_track_path, write_track};
-
-use super::has_extension;
 #[cfg(feature = "parquet")]
-use super::parquet_table::ParquetTable;
-use crate::validity_word;
+use northing_recording::parquet_table::ParquetTable;
+use northing_recording::track::{TrackPoint, check_track_path, write_track};
+use northing_recording::{AtomicFile, RecordingError, has_extension};
+
+use crate::navigation::{NavigationEstimate, NavigationObserver};
+
+type Result<T> = std::result::Result<T, RecordingError>;
 
 /// The columns of the CSV.
 const COLUMNS: &str = "t_s,latitude_deg,longitude_deg,height_m,north_m,east_m,down_m,north_std_m,east_std_m,down_std_m,\
@@ -34,7 +34,7 @@ const TRACK_INTERVAL_NS: i64 = 100_000_000;
 pub struct NavigationFile {
     output: Output,
     frame: Option<LocalFrame>,
-    failure: Option<anyhow::Error>,
+    failure: Option<RecordingError>,
 }
 
 enum Output {
@@ -65,8 +65,7 @@ impl NavigationFile {
         } else if cfg!(feature = "mcap") && has_extension(path, "mcap") {
             create_mcap(path, force)?
         } else {
-            check_track_path(path)
-                .context("estimates of a navigation run are a .csv, a .parquet or a track")?;
+            check_track_path(path).map_err(of_estimates)?;
             // Starting the file is the test whether it can be written; dropped, it leaves nothing behind.
             AtomicFile::create(path, force)?;
             Output::Track(path.to_owned(), force, Vec::new())
@@ -94,7 +93,7 @@ impl NavigationFile {
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => table.row(&numbers(frame, estimate)),
             #[cfg(feature = "mcap")]
-            Output::Mcap(writer) => Ok(writer.write(&estimate.pose(frame))?),
+            Output::Mcap(writer) => writer.write(&estimate.pose(frame)),
             Output::Track(_, _, points) => {
                 points.push(estimate.track_point());
                 Ok(())
@@ -125,6 +124,19 @@ impl NavigationFile {
     }
 }
 
+/// What is no track may be meant for something else.
+fn of_estimates(error: RecordingError) -> RecordingError {
+    match error {
+        RecordingError::Unsupported { file, problem } => RecordingError::Unsupported {
+            file,
+            problem: format!(
+                "estimates of a navigation run are a .csv, a .parquet or a track; {problem}"
+            ),
+        },
+        other => other,
+    }
+}
+
 #[cfg(feature = "parquet")]
 fn create_parquet(path: &Path, force: bool) -> Result<Output> {
     let table = ParquetTable::create(path, COLUMNS.split(','), force)?;
@@ -133,10 +145,11 @@ fn create_parquet(path: &Path, force: bool) -> Result<Output> {
 
 #[cfg(not(feature = "parquet"))]
 fn create_parquet(path: &Path, _: bool) -> Result<Output> {
-    anyhow::bail!(
-        "{}: this build cannot write Parquet; write .csv, or build with its default features",
-        path.display()
-    )
+    Err(RecordingError::Unsupported {
+        file: path.display().to_string(),
+        problem: "this build cannot write Parquet; write .csv, or build with its default features"
+            .to_owned(),
+    })
 }
 
 #[cfg(feature = "mcap")]
@@ -147,7 +160,10 @@ fn create_mcap(path: &Path, force: bool) -> Result<Output> {
 #[cfg(not(feature = "mcap"))]
 fn create_mcap(path: &Path, _: bool) -> Result<Output> {
     check_track_path(path)?;
-    anyhow::bail!("{}: this build cannot write MCAP", path.display())
+    Err(RecordingError::Unsupported {
+        file: path.display().to_string(),
+        problem: "this build cannot write MCAP".to_owned(),
+    })
 }
 
 /// The row of an estimate as numbers in the order of the columns; NaN where there is none.
@@ -236,8 +252,8 @@ impl NavigationObserver for NavigationFile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Matrix3, Vector3};
     use northing_core::earth::Geodetic;
-    use northing_core::nalgebra::{Matrix3, Vector3};
     use northing_core::navigation::Validity;
 
     fn estimate(frame: LocalFrame) -> NavigationEstimate {

@@ -5,18 +5,20 @@
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use nalgebra::{Matrix3, Vector3};
 use northing_core::geometry::rotation;
-use northing_core::nalgebra::{Matrix3, Vector3};
-use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, RunObserver};
-use northing_evaluation::statistics::attitude_std::AttitudeStd;
+use northing_recording::fixed::push_seconds;
 #[cfg(feature = "mcap")]
 use northing_recording::mcap::EstimateWriter;
-use northing_recording::{AtomicFile, TumWriter, WorldFrame};
-
-use super::has_extension;
 #[cfg(feature = "parquet")]
-use super::parquet_table::ParquetTable;
+use northing_recording::parquet_table::ParquetTable;
+use northing_recording::shortest::push_shortest;
+use northing_recording::{AtomicFile, RecordingError, TumWriter, WorldFrame, has_extension};
+
+use crate::attitude::{EstimateRecord, EstimatorKind, RunObserver};
+use crate::statistics::attitude_std::AttitudeStd;
+
+type Result<T> = std::result::Result<T, RecordingError>;
 
 /// The numbers of a row after the time: attitude (body to world), its standard deviation in body
 /// axes, the same attitude as angles, gyroscope bias and its standard deviation in body axes.
@@ -65,6 +67,9 @@ const UNCERTAINTY_COLUMNS: [&str; 8] = [
 /// All columns there can be.
 const MOST: usize = COLUMNS.len() + PLACE_COLUMNS.len() + UNCERTAINTY_COLUMNS.len();
 
+/// Room for a row of usual numbers.
+const MOST_BYTES: usize = 24 * (MOST + 1);
+
 /// A file of estimates being written. It watches a run; what goes wrong is told at the end.
 pub struct EstimateFile {
     output: Output,
@@ -72,7 +77,7 @@ pub struct EstimateFile {
     has_place: bool,
     /// The world of the recording.
     world: WorldFrame,
-    failure: Option<anyhow::Error>,
+    failure: Option<RecordingError>,
 }
 
 enum Output {
@@ -104,10 +109,10 @@ impl EstimateFile {
         } else if has_extension(path, "mcap") {
             create_mcap(path, force)?
         } else {
-            bail!(
-                "{}: estimates are written as .csv, .parquet, .tum or .mcap; name the output so",
-                path.display()
-            )
+            return Err(unsupported(
+                path,
+                "estimates are written as .csv, .parquet, .tum or .mcap; name the output so",
+            ));
         };
         Ok(Self {
             output,
@@ -127,7 +132,7 @@ impl EstimateFile {
             Output::Csv(file) => write_csv(file, record, self.has_place),
             Output::Tum(writer) => {
                 let position = record.position.unwrap_or_else(Vector3::zeros);
-                Ok(writer.write(record.time_ns, &position, &record.attitude)?)
+                writer.write(record.time_ns, &position, &record.attitude)
             }
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => {
@@ -136,7 +141,7 @@ impl EstimateFile {
                 table.row(&row)
             }
             #[cfg(feature = "mcap")]
-            Output::Mcap(writer) => Ok(writer.write(&record.pose(self.world))?),
+            Output::Mcap(writer) => writer.write(&record.pose(self.world)),
         }
     }
 
@@ -149,12 +154,12 @@ impl EstimateFile {
             return Err(failure);
         }
         match self.output {
-            Output::Csv(file) => Ok(file.commit()?),
-            Output::Tum(writer) => Ok(writer.finish()?),
+            Output::Csv(file) => file.commit(),
+            Output::Tum(writer) => writer.finish(),
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => table.finish(),
             #[cfg(feature = "mcap")]
-            Output::Mcap(writer) => Ok(writer.finish()?),
+            Output::Mcap(writer) => writer.finish(),
         }
     }
 }
@@ -166,10 +171,8 @@ fn create_mcap(path: &Path, force: bool) -> Result<Output> {
 
 #[cfg(not(feature = "mcap"))]
 fn create_mcap(path: &Path, _: bool) -> Result<Output> {
-    bail!(
-        "{}: this build cannot write MCAP; write .csv, or build with its default features",
-        path.display()
-    )
+    let problem = "this build cannot write MCAP; write .csv, or build with its default features";
+    Err(unsupported(path, problem))
 }
 
 #[cfg(feature = "parquet")]
@@ -182,10 +185,16 @@ fn create_parquet(path: &Path, names: &[&str], force: bool) -> Result<Output> {
 
 #[cfg(not(feature = "parquet"))]
 fn create_parquet(path: &Path, _: &[&str], _: bool) -> Result<Output> {
-    bail!(
-        "{}: this build cannot write Parquet; write .csv, or build with its default features",
-        path.display()
-    )
+    let problem = "this build cannot write Parquet; write .csv, or build with its default features";
+    Err(unsupported(path, problem))
+}
+
+/// An output that is none of those.
+fn unsupported(path: &Path, problem: &str) -> RecordingError {
+    RecordingError::Unsupported {
+        file: path.display().to_string(),
+        problem: problem.to_owned(),
+    }
 }
 
 impl RunObserver for EstimateFile {
@@ -197,21 +206,16 @@ impl RunObserver for EstimateFile {
 }
 
 fn write_csv(file: &mut AtomicFile, record: &EstimateRecord, has_place: bool) -> Result<()> {
-    let sign = if record.time_ns < 0 { "-" } else { "" };
-    let ns = record.time_ns.unsigned_abs();
-    file.print(format_args!(
-        "{sign}{}.{:09}",
-        ns / 1_000_000_000,
-        ns % 1_000_000_000
-    ))?;
+    let mut row = Vec::with_capacity(MOST_BYTES);
+    push_seconds(&mut row, record.time_ns);
     for value in numbers(record, has_place) {
-        if value.is_nan() {
-            file.print(format_args!(","))?;
-        } else {
-            file.print(format_args!(",{value}"))?;
+        row.push(b',');
+        if !value.is_nan() {
+            push_shortest(&mut row, value);
         }
     }
-    Ok(file.print(format_args!("\n"))?)
+    row.push(b'\n');
+    file.bytes(&row)
 }
 
 /// The values of all columns, NaN where there are none.

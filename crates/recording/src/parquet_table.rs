@@ -3,19 +3,21 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
-use northing_recording::AtomicFile;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{DataType, DoubleType};
+use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
+
+use crate::atomic_file::AtomicFile;
+use crate::error::{RecordingError, Result};
 
 /// Rows that are held in memory.
 const GROUP_ROWS: usize = 32_768;
 
 /// A file being written.
-pub(super) struct ParquetTable {
+pub struct ParquetTable {
     file: String,
     output: SerializedFileWriter<AtomicFile>,
     columns: Vec<Vec<f64>>,
@@ -23,7 +25,10 @@ pub(super) struct ParquetTable {
 
 impl ParquetTable {
     /// Starts the file with columns of these names.
-    pub(super) fn create<'a>(
+    ///
+    /// # Errors
+    /// As [`AtomicFile::create`].
+    pub fn create<'a>(
         path: &Path,
         names: impl Iterator<Item = &'a str>,
         force: bool,
@@ -32,14 +37,16 @@ impl ParquetTable {
         let fields: Vec<String> = names
             .map(|name| format!("required double {name};"))
             .collect();
-        let schema = parse_message_type(&format!("message estimates {{ {} }}", fields.join(" ")))?;
+        let failed = |error| failed(&file, &error);
+        let schema = parse_message_type(&format!("message estimates {{ {} }}", fields.join(" ")));
+        let schema = schema.map_err(failed)?;
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_dictionary_enabled(false)
             .build();
         let output = AtomicFile::create(path, force)?;
         let output = SerializedFileWriter::new(output, Arc::new(schema), Arc::new(properties))
-            .with_context(|| format!("{file}: cannot write it"))?;
+            .map_err(failed)?;
         Ok(Self {
             file,
             output,
@@ -48,7 +55,10 @@ impl ParquetTable {
     }
 
     /// Adds a row, one number for each column.
-    pub(super) fn row(&mut self, numbers: &[f64]) -> Result<()> {
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn row(&mut self, numbers: &[f64]) -> Result<()> {
         for (column, number) in self.columns.iter_mut().zip(numbers) {
             column.push(*number);
         }
@@ -58,31 +68,37 @@ impl ParquetTable {
             .is_some_and(|column| column.len() >= GROUP_ROWS)
         {
             self.write_group()
-                .with_context(|| format!("{}: cannot write it", self.file))?;
+                .map_err(|error| failed(&self.file, &error))?;
         }
         Ok(())
     }
 
-    fn write_group(&mut self) -> parquet::errors::Result<()> {
+    fn write_group(&mut self) -> std::result::Result<(), ParquetError> {
         write_group::<DoubleType>(&mut self.output, &self.columns)?;
         self.columns.iter_mut().for_each(Vec::clear);
         Ok(())
     }
 
     /// Completes the file.
-    pub(super) fn finish(mut self) -> Result<()> {
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn finish(mut self) -> Result<()> {
         let file = std::mem::take(&mut self.file);
-        let place = || format!("{file}: cannot write it");
+        let failed = |error| failed(&file, &error);
         if self
             .columns
             .first()
             .is_some_and(|column| !column.is_empty())
         {
-            self.write_group().with_context(place)?;
+            self.write_group().map_err(failed)?;
         }
-        let output = self.output.into_inner().with_context(place)?;
-        Ok(output.commit()?)
+        self.output.into_inner().map_err(failed)?.commit()
     }
+}
+
+fn failed(file: &str, error: &ParquetError) -> RecordingError {
+    RecordingError::io(file, "write it", std::io::Error::other(error.to_string()))
 }
 
 /// Writes columns as one group of rows.
