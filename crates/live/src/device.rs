@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
+use northing_evaluation::attitude::Parameters;
 use northing_recording::wire::{WireError, WireFormat};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
@@ -78,6 +79,8 @@ struct Task {
     next_lamps: Instant,
     experiment_id: String,
     calibrated: CalibrationTimes,
+    /// The parameters that stand in the status: as text they are made only when they change.
+    told_parameters: Option<Parameters>,
 }
 
 /// Starts the task; it ends when the device is taken away.
@@ -103,6 +106,7 @@ pub(crate) fn spawn(
         next_lamps: now,
         experiment_id: String::new(),
         calibrated: saved.map(|saved| saved.calibrated).unwrap_or_default(),
+        told_parameters: None,
     };
     task.publish();
     let (lab, device) = (task.lab.clone(), task.device.clone());
@@ -449,7 +453,10 @@ impl Task {
         status.delivers = self.heard.delivers(now);
         status.silence = self.heard.in_words(self.device.source, now);
         status.silent_s = self.heard.silent_s(now);
-        status.settings = serde_json::to_value(session.config()).unwrap_or_default();
+        let parameters = session.config();
+        if self.told_parameters.replace(parameters) != Some(parameters) {
+            status.settings = serde_json::to_value(parameters).unwrap_or_default();
+        }
         status.used = Some(SensorUse::of(&session.options().sensors));
         let rest = &session.options().calibration;
         status.rest = rest.as_ref().map(Into::into);

@@ -262,6 +262,11 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         self.state.hard_iron_ut
     }
 
+    fn unexpected_hard_iron_std(&self) -> Option<Vector3<T>> {
+        let is_expected = self.config.initial_hard_iron_std_ut > T::zero();
+        self.state.hard_iron_std_ut().filter(|_| !is_expected)
+    }
+
     #[inline]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
         match checked_rate(angular_rate, &Vector3::zeros(), dt) {

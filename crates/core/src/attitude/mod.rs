@@ -176,6 +176,12 @@ pub trait AttitudeEstimator<T: Scalar> {
         Vector3::zeros()
     }
 
+    /// Standard deviation of a hard iron that its settings did not expect, and that it estimates since turns of the device showed it,
+    /// microtesla, body axes; `None` where it has found none.
+    fn unexpected_hard_iron_std(&self) -> Option<Vector3<T>> {
+        None
+    }
+
     /// Moves on by `dt` seconds with the angular rate (rad/s, body axes, as the gyroscope gave
     /// it) that held over that interval. `dt <= 0` changes nothing.
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation;

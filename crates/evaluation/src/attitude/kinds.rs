@@ -302,6 +302,10 @@ impl AttitudeEstimator<f64> for AnyEstimator {
         each!(self, e => e.hard_iron())
     }
 
+    fn unexpected_hard_iron_std(&self) -> Option<Vector3<f64>> {
+        each!(self, e => e.unexpected_hard_iron_std())
+    }
+
     fn rate_at_rest(&self) -> Vector3<f64> {
         each!(self, e => e.rate_at_rest())
     }

@@ -257,7 +257,7 @@ fn run_filter(
             session.tally.estimated(&record, observer);
         }
     }
-    let mut summary = session.tally.summary(options, true);
+    let mut summary = session.summary();
     if let Some(positions) = &session.positions {
         positions.conclude(&mut summary);
     }
@@ -294,7 +294,7 @@ fn run_smoothed<S: Smoother>(
         record.gyroscope_bias = Some((known.gyroscope_bias, known.bias_covariance));
         session.tally.estimated(&record, observer);
     }
-    Ok(session.tally.summary(options, true))
+    Ok(session.summary())
 }
 
 /// Makes an estimator once its parameters are known.
@@ -310,6 +310,8 @@ struct Session<'a, E> {
     tally: Tally,
     device: Option<UnitQuaternion<f64>>,
     has_magnetometer: bool,
+    /// Since when a hard iron is estimated that the settings did not expect, s.
+    iron_from_s: Option<f64>,
 }
 
 enum Phase<E> {
@@ -346,6 +348,7 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 .start
                 .as_ref()
                 .is_some_and(|start| start.references.magnetic_field.is_some()),
+            iron_from_s: None,
         })
     }
 
@@ -394,6 +397,9 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         if let Some(field) = &field {
             let innovation = driver.magnetometer(time_ns, field);
             tell(SensorKind::Magnetometer, innovation);
+            if self.iron_from_s.is_none() && driver.estimator.unexpected_hard_iron_std().is_some() {
+                self.iron_from_s = Some(time_s);
+            }
         }
         if let Some(compass) = &compass {
             let innovation = driver.compass(time_ns, compass.heading_rad, compass.std_rad);
@@ -450,6 +456,30 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
             positions.measured_gravity(gravity)?;
         }
         Ok(false)
+    }
+
+    /// How it went.
+    fn summary(&self) -> RunSummary {
+        let mut summary = self.tally.summary(self.options, true);
+        summary.issues.extend(self.hard_iron_in_words());
+        summary
+    }
+
+    /// What the estimator has found of the magnetometer that its settings did not expect.
+    fn hard_iron_in_words(&self) -> Option<String> {
+        let (from_s, Phase::Running(driver)) = (self.iron_from_s?, &self.phase) else {
+            return None;
+        };
+        let iron = driver.estimator.hard_iron();
+        let along = iron.try_normalize(0.0)?;
+        let std = along.component_mul(&driver.estimator.unexpected_hard_iron_std()?);
+        Some(format!(
+            "From {from_s:.0} s on `{}` estimates a hard iron of the magnetometer that its settings do not expect: {:.1} uT \
+             (± {:.1}) at the end. A calibration tells it from the start: northing calibrate magnetometer.",
+            self.options.estimator.name(),
+            iron.norm(),
+            std.norm(),
+        ))
     }
 
     /// The estimate at an instant, after its step.

@@ -249,7 +249,7 @@ impl NavigationObserver for NavigationFile {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "parquet"))]
 mod tests {
     use super::*;
     use nalgebra::{Matrix3, Vector3};
@@ -282,7 +282,6 @@ mod tests {
         LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap())
     }
 
-    #[cfg(feature = "parquet")]
     #[test]
     fn the_numbers_are_those_of_the_rows_of_text() {
         let mut row = Vec::new();

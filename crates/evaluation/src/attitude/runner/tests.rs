@@ -540,3 +540,46 @@ fn live_messages_give_the_estimates_of_the_recording_each_before_the_next_messag
     assert!(live.1.0 == whole.0 && whole.0.len() > 5000);
     assert_eq!(late, 0);
 }
+
+/// GIVEN a magnetometer with a hard iron that nobody told WHEN the filter finds it THEN the summary says since when, and how large it is; of one
+/// without, and of a filter that does not look for it, nothing is said.
+#[test]
+fn a_hard_iron_that_the_filter_has_found_is_told() {
+    let with_iron = |bias_ut: [f64; 3]| -> Events {
+        let mut config = VirtualPhoneConfig {
+            motion: Motion::Tumble,
+            duration_s: Some(90.0),
+            ..VirtualPhoneConfig::default()
+        };
+        config.magnetometer.bias_ut = bias_ut;
+        let phone = VirtualPhone::new(config).unwrap();
+        phone.events().map(Ok).collect()
+    };
+    let told = |events: Events, smooth: bool, settings: &[&str]| -> Vec<String> {
+        let mut options = RunOptions::new(EstimatorKind::BoundedVelocity, Profile::Lab);
+        options.smooth = smooth;
+        for setting in settings {
+            options.set(setting).unwrap();
+        }
+        let issues = run(events, &options, &mut ()).unwrap().issues;
+        let of_iron = |sentence: &String| sentence.contains("hard iron");
+        issues.into_iter().filter(of_iron).collect()
+    };
+    let iron = [8.0, -6.0, 0.0];
+    for smooth in [false, true] {
+        let sentences = told(with_iron(iron), smooth, &[]);
+        let [sentence] = &sentences[..] else {
+            panic!("{sentences:?}")
+        };
+        let number = |before: &str| -> f64 {
+            let rest = sentence.split(before).nth(1).unwrap();
+            rest.split(' ').next().unwrap().parse().unwrap()
+        };
+        assert!((number("do not expect: ") - 10.0).abs() < 1.5, "{sentence}");
+        assert!((2.0..60.0).contains(&number("From ")), "{sentence}");
+        assert!(sentence.contains("`bounded-velocity`"), "{sentence}");
+    }
+    assert_eq!(told(with_iron([0.5, 0.0, -0.5]), false, &[]), [""; 0]);
+    let never = told(with_iron(iron), false, &["bounded_unexpected_hard_iron=0"]);
+    assert_eq!(never, [""; 0]);
+}
