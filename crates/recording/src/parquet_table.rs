@@ -97,7 +97,8 @@ impl ParquetTable {
     }
 }
 
-fn failed(file: &str, error: &ParquetError) -> RecordingError {
+/// What a writer of Parquet says, as an error of its file.
+pub(crate) fn failed(file: &str, error: &ParquetError) -> RecordingError {
     RecordingError::io(file, "write it", std::io::Error::other(error.to_string()))
 }
 

@@ -19,6 +19,7 @@ use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
 use crate::numbers::{MOST, columns, widths};
 use crate::parquet::{MOVING, SENSORS, START_NS, TIME};
+use crate::parquet_table::failed;
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
 /// Rows of a row group: what is held in memory.
@@ -60,7 +61,7 @@ impl ParquetWriter {
         if sensors.contains(&SensorKind::Reference) {
             message.push_str(&format!("required int32 {MOVING};"));
         }
-        let failed = |error: ParquetError| write_error(&file, &error);
+        let failed = |error: ParquetError| failed(&file, &error);
         let schema =
             parse_message_type(&format!("message recording {{ {message} }}")).map_err(failed)?;
         let properties = WriterProperties::builder()
@@ -112,7 +113,7 @@ impl ParquetWriter {
 
     fn end_group(&mut self) -> Result<()> {
         self.write_group()
-            .map_err(|error| write_error(&self.file, &error))
+            .map_err(|error| failed(&self.file, &error))
     }
 
     fn write_group(&mut self) -> std::result::Result<(), ParquetError> {
@@ -182,7 +183,7 @@ impl EventWriter for ParquetWriter {
         let output = self
             .output
             .into_inner()
-            .map_err(|error| write_error(&file, &error))?;
+            .map_err(|error| failed(&file, &error))?;
         output.commit()
     }
 }
@@ -194,8 +195,4 @@ impl std::fmt::Debug for ParquetWriter {
             .field("sensors", &self.sensors)
             .finish_non_exhaustive()
     }
-}
-
-fn write_error(file: &str, error: &ParquetError) -> RecordingError {
-    RecordingError::io(file, "write it", std::io::Error::other(error.to_string()))
 }

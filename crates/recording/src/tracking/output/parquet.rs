@@ -14,7 +14,8 @@ use super::super::LocalPlane;
 use super::row::{Cell, Type, cells, columns};
 use super::{TargetInstant, TargetOutput};
 use crate::atomic_file::AtomicFile;
-use crate::error::{RecordingError, Result};
+use crate::error::Result;
+use crate::parquet_table::failed;
 
 /// Rows of a row group: what is held in memory.
 const GROUP_ROWS: usize = 16_384;
@@ -143,8 +144,4 @@ impl TargetOutput for Table {
         let output = self.output.into_inner();
         output.map_err(|error| failed(&file, &error))?.commit()
     }
-}
-
-fn failed(file: &str, error: &ParquetError) -> RecordingError {
-    RecordingError::io(file, "write it", std::io::Error::other(error.to_string()))
 }
