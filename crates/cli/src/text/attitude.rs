@@ -117,7 +117,7 @@ fn hard_iron(stream: MagnetometerSource, prior_ut: f64) -> String {
     if prior_ut > 0.0 {
         format!("estimated, expected within {prior_ut:.0} uT per axis ({stream} magnetometer).")
     } else {
-        format!("not estimated: the {stream} magnetometer is taken as calibrated.")
+        format!("none expected: the {stream} magnetometer is taken as calibrated.")
     }
 }
 
