@@ -5,8 +5,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use northing_recording::{Event, RecordingError};
-
 /// The exit code that shells expect of a program ended by Ctrl-C.
 pub(crate) const EXIT_CODE: u8 = 130;
 /// How long a command may take to clean up before it is ended.
@@ -35,32 +33,5 @@ pub(crate) fn happened() -> bool {
 pub(crate) fn exit_if_happened() {
     if happened() {
         process::exit(i32::from(EXIT_CODE));
-    }
-}
-
-/// The events until Ctrl-C, then an error.
-pub(crate) fn interruptible<I>(events: I) -> Interruptible<I::IntoIter>
-where
-    I: IntoIterator<Item = Result<Event, RecordingError>>,
-{
-    Interruptible(events.into_iter())
-}
-
-/// Made by [`interruptible`].
-#[derive(Debug)]
-pub(crate) struct Interruptible<I>(I);
-
-impl<I: Iterator<Item = Result<Event, RecordingError>>> Iterator for Interruptible<I> {
-    type Item = Result<Event, RecordingError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        if happened() {
-            return Some(Err(RecordingError::Io {
-                file: "recording".to_owned(),
-                action: "finish it",
-                source: std::io::ErrorKind::Interrupted.into(),
-            }));
-        }
-        self.0.next()
     }
 }

@@ -231,6 +231,12 @@ impl RecordingError {
         Self::NoColumnFor { file, sensor }
     }
 
+    /// Reading was given up half way, as by Ctrl-C.
+    #[must_use]
+    pub fn interrupted() -> Self {
+        Self::io("recording", "finish it", io::ErrorKind::Interrupted.into())
+    }
+
     pub(crate) fn io(file: impl Into<String>, action: &'static str, source: io::Error) -> Self {
         let file = file.into();
         Self::Io {

@@ -37,19 +37,10 @@ impl ParquetTable {
         let fields: Vec<String> = names
             .map(|name| format!("required double {name};"))
             .collect();
-        let failed = |error| failed(&file, &error);
-        let schema = parse_message_type(&format!("message estimates {{ {} }}", fields.join(" ")));
-        let schema = schema.map_err(failed)?;
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .set_dictionary_enabled(false)
-            .build();
-        let output = AtomicFile::create(path, force)?;
-        let output = SerializedFileWriter::new(output, Arc::new(schema), Arc::new(properties))
-            .map_err(failed)?;
+        let message = format!("message estimates {{ {} }}", fields.join(" "));
         Ok(Self {
             file,
-            output,
+            output: begin(path, &message, false, force)?,
             columns: vec![Vec::new(); fields.len()],
         })
     }
@@ -95,6 +86,23 @@ impl ParquetTable {
         }
         self.output.into_inner().map_err(failed)?.commit()
     }
+}
+
+/// Starts a file whose columns are those of `message`; values that repeat are told once where it has a dictionary.
+pub(crate) fn begin(
+    path: &Path,
+    message: &str,
+    has_dictionary: bool,
+    force: bool,
+) -> Result<SerializedFileWriter<AtomicFile>> {
+    let failed = |error| failed(&path.display().to_string(), &error);
+    let schema = parse_message_type(message).map_err(failed)?;
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_dictionary_enabled(has_dictionary)
+        .build();
+    let output = AtomicFile::create(path, force)?;
+    SerializedFileWriter::new(output, Arc::new(schema), Arc::new(properties)).map_err(failed)
 }
 
 /// What a writer of Parquet says, as an error of its file.

@@ -3,15 +3,11 @@
 //! Numbers are doubles, so nothing is lost; row groups are bounded, so memory is too.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{DoubleType, Int32Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::parser::parse_message_type;
 
 use crate::atomic_file::AtomicFile;
 use crate::error::{RecordingError, Result};
@@ -19,7 +15,7 @@ use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
 use crate::numbers::{MOST, columns, widths};
 use crate::parquet::{MOVING, SENSORS, START_NS, TIME};
-use crate::parquet_table::failed;
+use crate::parquet_table::{begin, failed};
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
 /// Rows of a row group: what is held in memory.
@@ -61,16 +57,8 @@ impl ParquetWriter {
         if sensors.contains(&SensorKind::Reference) {
             message.push_str(&format!("required int32 {MOVING};"));
         }
-        let failed = |error: ParquetError| failed(&file, &error);
-        let schema =
-            parse_message_type(&format!("message recording {{ {message} }}")).map_err(failed)?;
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .set_dictionary_enabled(false)
-            .build();
-        let output = AtomicFile::create(path, force)?;
-        let output = SerializedFileWriter::new(output, Arc::new(schema), Arc::new(properties))
-            .map_err(failed)?;
+        let message = format!("message recording {{ {message} }}");
+        let output = begin(path, &message, false, force)?;
         Ok(Self {
             columns: vec![Vec::new(); names.len()],
             file,

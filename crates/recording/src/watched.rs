@@ -1,7 +1,6 @@
 //! Events of a recording while somebody looks on, who shows how far it is and may end it.
 
 use std::fmt;
-use std::io::ErrorKind;
 
 use crate::error::{RecordingError, Result};
 use crate::event::Event;
@@ -30,12 +29,7 @@ impl Iterator for Watched<'_> {
         if (self.goes_on)() {
             return self.recording.next();
         }
-        let interrupted = ErrorKind::Interrupted.into();
-        Some(Err(RecordingError::io(
-            "recording",
-            "finish it",
-            interrupted,
-        )))
+        Some(Err(RecordingError::interrupted()))
     }
 }
 

@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use northing_evaluation::attitude::{Calibrations, RunOptions};
-use northing_recording::{OpenOptions, RecordingError, open};
-
-use northing_recording::has_extension;
+use northing_recording::{OpenOptions, RecordingError, has_extension, open};
 
 /// Endings of files that may be recordings of attitude ...
 const ATTITUDE_ENDINGS: &[&str] = &["parquet", "csv", "zip", "json"];

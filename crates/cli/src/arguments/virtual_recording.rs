@@ -4,13 +4,13 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_recording::{CsvWriter, EventWriter, SensorKind, create};
+use northing_recording::{CsvWriter, EventWriter, RecordingError, SensorKind, create};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 
 use crate::arguments::input::positive_seconds;
 use crate::files::STDIN as STDOUT;
-use crate::interrupt::interruptible;
+use crate::interrupt::happened;
 use crate::progress::Progress;
 
 /// What a virtual phone records.
@@ -111,11 +111,13 @@ pub(crate) fn write(
     );
     let start_ns = phone.config().start_time_ns;
     let mut written = 0;
-    for event in interruptible(phone.events().map(Ok)) {
+    for event in phone.events() {
+        if happened() {
+            return Err(RecordingError::interrupted().into());
+        }
         if samples.is_some_and(|samples| written >= samples) {
             break;
         }
-        let event = event?;
         writer.write(&event)?;
         written += u64::from(event.sample.kind() != SensorKind::Reference);
         progress.event_at(

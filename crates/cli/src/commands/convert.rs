@@ -6,7 +6,8 @@ use anyhow::{Result, bail};
 use clap::Args;
 use northing_core::nalgebra::Vector3;
 use northing_recording::{
-    Issues, Recording, Sample, TrackPoint, TumWriter, create, write_events, write_track,
+    Issues, Recording, Sample, TrackPoint, TumWriter, create, has_extension, write_events,
+    write_track,
 };
 use serde::Serialize;
 
@@ -14,7 +15,6 @@ use crate::arguments::input::{DataArgs, InputArgs};
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::files::shown;
 use crate::progress::watched;
-use northing_recording::has_extension;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]

@@ -14,7 +14,7 @@ use northing_experiments::studies::{
     StudyQuestion, StudySums,
 };
 use northing_recording::limits::read_description;
-use northing_recording::{OpenOptions, tracking};
+use northing_recording::{OpenOptions, has_extension, tracking};
 use northing_report::study_part::{self, StudyPart};
 
 use crate::arguments::recordings;
@@ -22,7 +22,6 @@ use crate::files::output::{check_free, print, print_json};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 use crate::text::table::Table;
-use northing_recording::has_extension;
 
 /// Runs of a part file: so many, or a thousandth of what is to be run where that is more.
 const PART_RUNS: u64 = 64;

@@ -16,7 +16,7 @@ use crate::arguments::settings::SettingArgs;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::files::shown;
 use crate::files::toml_file::in_comment;
-use crate::interrupt::{happened, interruptible};
+use crate::interrupt::happened;
 use crate::invocation::called;
 use crate::progress::Progress;
 use crate::text::sheet::paragraph;
@@ -125,7 +125,9 @@ fn fit(
         named.or(has_fixes.then_some(RunEstimator::Navigation(NavigationKind::ErrorState)));
     // What is wrong with the options is told before a long recording is read.
     let ready = Ready::new(args, estimator, &metadata)?;
-    let events: Vec<Event> = interruptible(recording.by_ref()).collect::<Result<_, _>>()?;
+    let events: Vec<Event> = recording
+        .watched(|| !happened())
+        .collect::<Result<_, _>>()?;
     let asked = TuneOptions {
         parameters: args.parameters.clone(),
         fitted_share: args.fit,

@@ -262,54 +262,23 @@ mod tests {
     }
 
     #[cfg(feature = "parquet")]
-    mod rows {
-        use super::*;
-        use nalgebra::{Matrix3, Vector3};
-        use northing_core::earth::Geodetic;
-        use northing_core::navigation::Validity;
+    #[test]
+    fn the_numbers_are_those_of_the_rows_of_text() {
+        use crate::navigation::navigator::tests::{estimate, frame};
 
-        fn estimate(frame: LocalFrame) -> NavigationEstimate {
-            NavigationEstimate {
-                time_ns: 1_500_000_000,
-                frame,
-                // Bow to the east, and 10 degrees up.
-                ned_from_body: Some(rotation::from_yaw_pitch_roll([
-                    std::f64::consts::FRAC_PI_2,
-                    10_f64.to_radians(),
-                    0.0,
-                ])),
-                heading_std: Some(0.3),
-                attitude_covariance: Some(Matrix3::new(
-                    0.01, 0.001, 0.0, 0.001, 0.02, 0.002, 0.0, 0.002, 0.09,
-                )),
-                position: Vector3::new(10.0, 20.0, -5.0),
-                position_covariance: Matrix3::new(1.0, 0.5, 0.1, 0.5, 4.0, 0.2, 0.1, 0.2, 9.0),
-                velocity: Vector3::new(0.0, 3.0, 0.0),
-                velocity_covariance: None,
-                validity: Validity::HeadingUnknown,
-            }
+        let mut row = Vec::new();
+        push_row(&mut row, &frame(), &estimate(frame()));
+        let text = String::from_utf8(row).unwrap();
+        let cells: Vec<&str> = text.trim().split(',').collect();
+        let numbers = numbers(&frame(), &estimate(frame()));
+        assert_eq!(
+            (cells.len(), numbers.len()),
+            (20, COLUMNS.split(',').count())
+        );
+        for (cell, number) in cells.iter().zip(&numbers).take(19) {
+            let cell: f64 = cell.parse().unwrap();
+            assert!((cell - number).abs() < 1e-4, "{cell} {number}");
         }
-
-        fn frame() -> LocalFrame {
-            LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap())
-        }
-
-        #[test]
-        fn the_numbers_are_those_of_the_rows_of_text() {
-            let mut row = Vec::new();
-            push_row(&mut row, &frame(), &estimate(frame()));
-            let text = String::from_utf8(row).unwrap();
-            let cells: Vec<&str> = text.trim().split(',').collect();
-            let numbers = numbers(&frame(), &estimate(frame()));
-            assert_eq!(
-                (cells.len(), numbers.len()),
-                (20, COLUMNS.split(',').count())
-            );
-            for (cell, number) in cells.iter().zip(&numbers).take(19) {
-                let cell: f64 = cell.parse().unwrap();
-                assert!((cell - number).abs() < 1e-4, "{cell} {number}");
-            }
-            assert!((numbers[19] - 4.0).abs() < 1e-12);
-        }
+        assert!((numbers[19] - 4.0).abs() < 1e-12);
     }
 }

@@ -308,11 +308,11 @@ pub(crate) trait Navigator {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use northing_core::geometry::rotation;
 
-    fn estimate(frame: LocalFrame) -> NavigationEstimate {
+    pub(crate) fn estimate(frame: LocalFrame) -> NavigationEstimate {
         NavigationEstimate {
             time_ns: 1_500_000_000,
             frame,
@@ -334,7 +334,7 @@ mod tests {
         }
     }
 
-    fn frame() -> LocalFrame {
+    pub(crate) fn frame() -> LocalFrame {
         LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap())
     }
 

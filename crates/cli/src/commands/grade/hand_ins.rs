@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use northing_evaluation::exercises::{Card, Class, HandIn, Judged};
+use northing_recording::has_extension;
 use rayon::prelude::*;
 
 use crate::files::shown;
 use crate::interrupt;
 use crate::progress::SharedProgress;
-use northing_recording::has_extension;
 
 /// What was found and judged.
 #[derive(Default)]

@@ -77,7 +77,7 @@ where
     fit_whole(&mut of_one_error(events))
 }
 
-/// As [`fit`], of a recording.
+/// As [`fit`], of a recording: compiled here, and not by each generic caller.
 pub(crate) fn fit_recording(
     recording: &mut Recording,
 ) -> Result<ReferenceAlignment, EvaluationError> {

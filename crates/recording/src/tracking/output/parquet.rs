@@ -1,21 +1,17 @@
 //! The table as Parquet: doubles, whole numbers that may be missing, texts.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
-use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
-use parquet::schema::parser::parse_message_type;
 
 use super::super::LocalPlane;
 use super::row::{Cell, Type, cells, columns};
 use super::{TargetInstant, TargetOutput};
 use crate::atomic_file::AtomicFile;
 use crate::error::Result;
-use crate::parquet_table::failed;
+use crate::parquet_table::{begin, failed};
 
 /// Rows of a row group: what is held in memory.
 const GROUP_ROWS: usize = 16_384;
@@ -45,15 +41,8 @@ impl Table {
             Type::Text => format!("required binary {name} (UTF8);"),
         };
         let fields: Vec<String> = columns.iter().map(field).collect();
-        let failed = |error: ParquetError| failed(&file, &error);
-        let schema = parse_message_type(&format!("message tracks {{ {} }}", fields.join(" ")))
-            .map_err(failed)?;
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .build();
-        let output = AtomicFile::create(path, force)?;
-        let output = SerializedFileWriter::new(output, Arc::new(schema), Arc::new(properties))
-            .map_err(failed)?;
+        let message = format!("message tracks {{ {} }}", fields.join(" "));
+        let output = begin(path, &message, true, force)?;
         Ok(Self {
             file,
             output,
