@@ -215,6 +215,8 @@ def header(time_ns, frame):
 
 
 def stamp(one):
+    """Of a message in ns; of a TFMessage that of its first transform."""
+    one = one.transforms[0] if hasattr(one, "transforms") else one
     return one.header.stamp.sec * 10**9 + one.header.stamp.nanosec
 
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,24 @@ class Collected:
             self.take()
             time.sleep(0.005)
         return self.messages[name]
+
+    def until_stamp(self, name: str, time_ns: int, seconds: float = 10.0) -> list[Any]:
+        """Waits for the message of this stamp."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not any(ros.stamp(one) == time_ns for one in self.messages[name][-10:]):
+            self.take()
+            time.sleep(0.005)
+        return self.messages[name]
+
+
+def are_complete(heard: list[Any], wanted: Iterable[int]) -> bool:
+    """Whether these stamps were heard, each once, in order, and no others.
+
+    The second may be missing: a volatile reader begins with the first heartbeat that it hears. The first two estimates come in one
+    burst, and a heartbeat between them may speak of both; what it speaks of and has not come yet is of the time before the reader
+    (Cyclone DDS; https://github.com/ros2/rmw_cyclonedds/issues/367)."""
+    wanted = sorted(wanted)
+    return [ros.stamp(one) for one in heard] in (wanted, wanted[:1] + wanted[2:])
 
 
 def ns(text: str) -> int:
@@ -92,11 +111,12 @@ def test_attitudes_are_those_of_a_run_over_the_csv_to_the_bit(
 
         in_step(drive, ["imu"], 1200, lambda _, t, v: writer.write(ros.imu(t, v[:3], v[3:])), answered)
         # 0.5 s of alignment have no estimate.
-        heard = collected.until("imu", 1150)
-        transforms = collected.until("tf", 1150)
+        answers = [time_ns for time_ns, _ in drive["imu"][50:1200]]
+        heard = collected.until_stamp("imu", answers[-1])
+        transforms = collected.until_stamp("tf", answers[-1])
         states = collected.until("state", len(collected.messages["state"]) + 1)
         told = running.stop()
-    assert len(heard) == len(transforms) == 1150, told
+    assert are_complete(heard, answers) and are_complete(transforms, answers), told
     assert "imu/data_raw: 1200 messages taken." in told and "/northing: mekf" in told, told
     for one in heard:
         q = one.orientation
@@ -149,7 +169,7 @@ def test_positions_are_those_of_a_run_over_the_csv_to_the_bit(
     # Of one stamp the last: after the fix.
     odometry = {ros.stamp(one): one for one in collected.messages["odometry"]}
     end = max(odometry)
-    assert len(odometry) > 1300 and set(odometry) == {t for t in expected if t <= end}, told
+    assert len(odometry) > 1300 and are_complete(list(odometry.values()), (t for t in expected if t <= end)), told
     both = [(one, expected[time_ns]) for time_ns, one in odometry.items() if time_ns < end]
     for said, wanted in both:
         for ours, theirs in ((said.pose.pose, wanted.pose.pose), (said.twist.twist, wanted.twist.twist)):
@@ -196,6 +216,11 @@ def at_rest(writer: Any, collected: Collected, first_ns: int, count: int, every_
         time.sleep(every_s)
 
 
+def at_rest_answers(first_ns: int, count: int) -> list[int]:
+    """The stamps of the estimates: 0.5 s of alignment have none."""
+    return [first_ns + step * 10_000_000 for step in range(50, count)]
+
+
 def test_a_peer_that_is_killed_and_comes_back_is_heard_again(domain: int) -> None:
     code = (
         "import sys, time; sys.path.insert(0, sys.argv[1]); import ros_peer as ros\n"
@@ -239,9 +264,9 @@ def test_two_robots_in_two_namespaces_hear_their_own(domain: int) -> None:
             ros.matched(running, peer)
         at_rest(writers[0], collected[0], 10**18, 300)
         at_rest(writers[1], collected[1], 2 * 10**18, 200)
-        for heard, count, second in zip(collected, (250, 150), (10**9, 2 * 10**9), strict=True):
-            assert len(heard.until("imu", count)) == count
-            assert {message.header.stamp.sec // 10**9 * 10**9 for message in heard.messages["imu"]} == {second}
+        for robot, count, first_ns in zip(collected, (300, 200), (10**18, 2 * 10**18), strict=True):
+            answers = at_rest_answers(first_ns, count)
+            assert are_complete(robot.until_stamp("imu", answers[-1]), answers)
         assert "/robot_1/northing" in one.stop() and "/robot_2/northing" in two.stop()
 
 
@@ -253,11 +278,12 @@ def test_a_clock_that_goes_back_begins_anew(domain: int) -> None:
         ros.matched(running, peer)
         at_rest(writer, collected, 5000 * 10**9, 200)
         at_rest(writer, collected, 10 * 10**9, 200)
-        heard = collected.until("imu", 295)
+        # The five messages by which it is noticed are lost, and those of the alignment have no estimate.
+        before, anew = at_rest_answers(5000 * 10**9, 200), at_rest_answers(10 * 10**9 + 50_000_000, 195)
+        heard = collected.until_stamp("imu", anew[-1])
         told = running.stop()
-    # The five messages by which it is noticed are lost, and those of the alignment have no estimate.
-    anew = sum(ros.stamp(one) < 100 * 10**9 for one in heard)
-    assert len(heard) - anew == 150 and anew == 145, told
+    assert are_complete([one for one in heard if ros.stamp(one) > 100 * 10**9], before), told
+    assert [ros.stamp(one) for one in heard if ros.stamp(one) < 100 * 10**9] == anew, told
     assert "went back by 4991.950 s: begun anew" in told, told
 
 
