@@ -53,6 +53,7 @@
 
 mod bias_prior;
 pub mod config;
+mod field_mean;
 mod field_quality;
 mod hard_iron;
 pub mod layout;

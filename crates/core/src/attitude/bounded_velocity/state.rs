@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 use super::bias_prior::BiasPrior;
 use super::config::{BoundedVelocityConfig, ScaleStates};
+use super::field_mean::FieldMean;
 use super::hard_iron::{HardIronWatch, Offset};
 use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
 use super::propagation::Sums;
@@ -91,6 +92,7 @@ pub struct BoundedVelocityState<T: Scalar> {
     pub(super) rate_sum: Vector3<T>,
     pub(super) since_force: T,
     pub(super) since_velocity_update: T,
+    pub(super) field_mean: FieldMean<T>,
     pub(super) since_field: T,
     pub(super) since_field_update: T,
     pub(super) compass: VectorSensor<T>,
@@ -136,6 +138,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
         finite("scale", &self.scale)?;
         finite("sums", self.sums.numbers())?;
         finite("rest", self.rest.numbers())?;
+        finite("field_mean", self.field_mean.numbers())?;
         finite("hard_iron_watch", self.hard_iron_watch.numbers())?;
         finite("velocity_noise", self.velocity_noise.numbers())?;
         not_negative("bias_prior", self.bias_prior.numbers())?;
@@ -188,6 +191,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             rate_sum: Vector3::zeros(),
             since_force: zero,
             since_velocity_update: zero,
+            field_mean: FieldMean::default(),
             since_field: zero,
             since_field_update: zero,
             compass: VectorSensor::compass(&config.alignment_settings()),

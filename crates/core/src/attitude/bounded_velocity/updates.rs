@@ -6,6 +6,7 @@
 use nalgebra::{Matrix2, Matrix3, Vector1, Vector2, Vector3};
 
 use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
+use super::field_mean::FieldMean;
 use super::schmidt::consider_bias_about;
 use super::steps::{Moment, Step, StepObserver};
 use super::{BoundedVelocity, BoundedVelocityConfig, BoundedVelocityState, field_quality};
@@ -221,43 +222,56 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         if let Err(reason) = check_vector(measured, strength * lit(1e-3), strength * lit(LONGEST)) {
             return Innovation::skipped(reason);
         }
-        let since_sample = self.state.since_field;
-        self.state.since_field = T::zero();
-        let since_update = self.state.since_field_update;
-        if since_update <= T::zero()
-            || since_update + since_sample * lit(0.5) < self.config.update_interval_s
-        {
+        let state = &mut self.state;
+        let since_sample = state.since_field;
+        state.since_field = T::zero();
+        if since_sample <= T::zero() {
             return Innovation::skipped(SkipReason::NotDue);
         }
-        self.update_field(measured, since_update)
+        if since_sample > lit(LONGEST_FIELD_INTERVAL_S) {
+            state.field_mean = FieldMean::default();
+        }
+        let level = state.level_from_body * (measured - state.hard_iron_ut);
+        state.field_mean.add(measured, &level);
+        let since_update = state.since_field_update;
+        if since_update + since_sample * lit(0.5) < self.config.update_interval_s {
+            return Innovation::skipped(SkipReason::Accumulated);
+        }
+        let level = self.state.field_mean.take(&level);
+        self.update_field(&level, since_update)
     }
 
-    /// Whether a magnetometer that is said to have no hard iron has some: then it is estimated from now on (B19b to B19d).
+    /// Whether a magnetometer that is said to have no hard iron has some, microtesla, body axes: then it is estimated from now on
+    /// (B19b to B19d).
     #[inline]
-    fn watch_for_hard_iron(&mut self, measured: &Vector3<T>, since: T) {
+    fn watch_for_hard_iron(&mut self, level: &Vector3<T>, since: T) -> Option<Vector3<T>> {
         let (config, state) = (&self.config, &mut self.state);
         if state.layout.hard_iron().is_some() || config.unexpected_hard_iron <= T::zero() {
-            return;
+            return None;
         }
         let (attitude, rate) = (&state.level_from_body, state.angular_rate.norm());
         let least = config.magnetometer_std_ut * config.unexpected_hard_iron;
         let busy = state.speed_hypotheses.is_busy();
+        let measured = &(attitude.inverse() * level);
         let watch = &mut state.hard_iron_watch;
-        if let Some(found) = watch.field(attitude, measured, rate, since, least, busy) {
-            self.tell(Moment::Leaving(&Step::Widening));
-            self.state.take_hard_iron(&found);
-            self.tell(Moment::Predicted);
-        }
+        let found = watch.field(attitude, measured, rate, since, least, busy)?;
+        self.tell(Moment::Leaving(&Step::Widening));
+        self.state.take_hard_iron(&found);
+        self.tell(Moment::Predicted);
+        Some(self.state.hard_iron_ut)
     }
 
-    /// The field in level axes against the reference field, its variance by its quality (B15 to B19);
-    /// it comes `since` seconds after the last one.
-    fn update_field(&mut self, measured: &Vector3<T>, since: T) -> Innovation<T> {
+    /// The field (microtesla, level axes, without hard iron) against the reference field, its variance by its quality (B15 to
+    /// B19); it comes `since` seconds after the last one.
+    fn update_field(&mut self, level: &Vector3<T>, since: T) -> Innovation<T> {
         self.propagate_covariance();
-        self.watch_for_hard_iron(measured, since);
+        let found = self.watch_for_hard_iron(level, since);
+        let level = found.map_or(*level, |iron| {
+            level - self.state.level_from_body * iron
+        });
         // What it stands for.
         let time = since.min(lit(LONGEST_FIELD_INTERVAL_S));
-        let m = self.field_measurement(measured);
+        let m = self.field_measurement(&level);
         let state = &mut self.state;
         let p = &mut state.covariance;
         let projection = Projection::new(p, state.layout.len(), m.rows);
@@ -290,12 +304,11 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         }
     }
 
-    /// Residual and rows of a field (B15, B16), and the variance of a single look at it (B17).
+    /// Residual and rows of a field in level axes (B15, B16), and the variance of a single look at it (B17).
     #[inline]
-    pub(super) fn field_measurement(&self, measured: &Vector3<T>) -> FieldMeasurement<T> {
+    pub(super) fn field_measurement(&self, level: &Vector3<T>) -> FieldMeasurement<T> {
         let state = &self.state;
         let level_from_body = state.level_from_body.to_rotation_matrix().into_inner();
-        let level = level_from_body * (measured - state.hard_iron_ut);
         let [north, down] = [state.field_ut.x, state.field_ut.y];
         let one = T::one();
         let (east, ahead, up) = (ATTITUDE, ATTITUDE + 1, ATTITUDE + 2);
@@ -316,7 +329,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             rows[2] = rows[2].with(first + 1, -one);
         }
         let std = self.config.magnetometer_std_ut;
-        let factor = field_quality::variance_factor(&self.config, &level, &state.field_ut);
+        let factor = field_quality::variance_factor(&self.config, level, &state.field_ut);
         FieldMeasurement {
             residual: level - Vector3::new(T::zero(), north, -down),
             rows,
@@ -379,6 +392,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let turn = so3::exp(&Vector3::new(x[0], x[1], x[2]));
         state.level_from_body = rotation::renormalize(&(turn * state.level_from_body));
         state.hard_iron_watch.corrected(&turn);
+        state.field_mean.corrected(&turn);
         state.velocity.x += x[VELOCITY];
         state.velocity.y += x[VELOCITY + 1];
         state.gyroscope_bias += bias;
