@@ -5,8 +5,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector1, Vector2, Vector3};
 
-use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
 use super::field_mean::FieldMean;
+use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
 use super::schmidt::consider_bias_about;
 use super::steps::{Moment, Step, StepObserver};
 use super::{BoundedVelocity, BoundedVelocityConfig, BoundedVelocityState, field_quality};
@@ -266,9 +266,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     fn update_field(&mut self, level: &Vector3<T>, since: T) -> Innovation<T> {
         self.propagate_covariance();
         let found = self.watch_for_hard_iron(level, since);
-        let level = found.map_or(*level, |iron| {
-            level - self.state.level_from_body * iron
-        });
+        let level = found.map_or(*level, |iron| level - self.state.level_from_body * iron);
         // What it stands for.
         let time = since.min(lit(LONGEST_FIELD_INTERVAL_S));
         let m = self.field_measurement(&level);
