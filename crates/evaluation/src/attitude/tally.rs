@@ -448,6 +448,7 @@ fn stated(options: &RunOptions) -> Stated {
             accelerometer_noise_density: Some(own.accelerometer_noise_density),
             accelerometer_std: None,
             magnetometer_std_ut: Some(own.magnetometer_std_ut),
+            magnetometer_mean_s: Some(own.update_interval_s),
             hard_iron_std_ut: Some(own.initial_hard_iron_std_ut),
         };
     }
@@ -460,6 +461,7 @@ fn stated(options: &RunOptions) -> Stated {
         accelerometer_noise_density: None,
         accelerometer_std: Some(own.accelerometer_std),
         magnetometer_std_ut: Some(own.magnetometer_std_ut),
+        magnetometer_mean_s: None,
         hard_iron_std_ut: None,
     }
 }

@@ -106,6 +106,8 @@ pub struct Stated {
     pub accelerometer_std: Option<f64>,
     /// Of a sample of the magnetometer, microtesla.
     pub magnetometer_std_ut: Option<f64>,
+    /// Over so long the filter takes the mean of the magnetometer's samples, and then states it of that, s.
+    pub magnetometer_mean_s: Option<f64>,
     /// Of hard iron that the filter estimates, per axis, microtesla.
     pub hard_iron_std_ut: Option<f64>,
 }

@@ -49,6 +49,7 @@ impl Diagnosis {
         noise_beyond(
             SensorKind::Gyroscope,
             self.gyroscope.density()?,
+            1.0,
             stated,
             "rad/s/\u{221a}Hz",
         )
@@ -57,11 +58,11 @@ impl Diagnosis {
     fn accelerometer_noise(&self) -> Option<Finding> {
         let (kind, unit) = (SensorKind::Accelerometer, "m/s\u{00b2}");
         if let Some(stated) = self.stated.accelerometer_std {
-            return noise_beyond(kind, self.accelerometer.noise.level()?, stated, unit);
+            return noise_beyond(kind, self.accelerometer.noise.level()?, 1.0, stated, unit);
         }
         let stated = self.stated.accelerometer_noise_density?;
         let unit = format!("{unit}/\u{221a}Hz");
-        noise_beyond(kind, self.accelerometer.density()?, stated, &unit)
+        noise_beyond(kind, self.accelerometer.density()?, 1.0, stated, &unit)
     }
 
     fn magnetometer_noise(&self) -> Option<Finding> {
@@ -69,9 +70,21 @@ impl Diagnosis {
         noise_beyond(
             SensorKind::Magnetometer,
             self.iron.noise()?,
+            self.fields_of_a_look(),
             stated,
             "\u{00b5}T",
         )
+    }
+
+    /// Samples of the magnetometer of which the filter takes the mean.
+    fn fields_of_a_look(&self) -> f64 {
+        let interval_s = self.magnetometer.timing.summary().interval_s;
+        let mean_s = self.stated.magnetometer_mean_s.unwrap_or_default();
+        if interval_s > 0.0 {
+            (mean_s / interval_s).round().max(1.0)
+        } else {
+            1.0
+        }
     }
 
     /// Steps that hide the noise, whatever a filter expects.
@@ -245,18 +258,29 @@ impl Channel {
     }
 }
 
-/// White noise of a sensor that is more than is stated.
-fn noise_beyond(sensor: SensorKind, level: NoiseLevel, stated: f64, unit: &str) -> Option<Finding> {
-    let times = level.std / stated;
+/// White noise of a sensor that is more than is stated of the mean of so many samples.
+fn noise_beyond(
+    sensor: SensorKind,
+    level: NoiseLevel,
+    samples: f64,
+    stated: f64,
+    unit: &str,
+) -> Option<Finding> {
+    let std = level.std / samples.sqrt();
+    let times = std / stated;
+    let of_mean = if samples > 1.0 {
+        format!(" in the mean of the {samples} samples that the filter takes at a time")
+    } else {
+        String::new()
+    };
     (times > MORE).then(|| Finding {
         cause: Cause::Noise,
         sensor,
         confidence: beyond_chance((times - 1.0) / (times * level.relative_std)),
         sentence: format!(
-            "The {}'s white noise is {:.2e} {unit} even in the quietest moments, {times:.1} times what is stated ({stated:.2e}). \
+            "The {}'s white noise is {std:.2e} {unit}{of_mean} even in the quietest moments, {times:.1} times what is stated ({stated:.2e}). \
              State it, or calibrate at rest.",
             sensor.name(),
-            level.std,
         ),
     })
 }
