@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::cell::Cell;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::geometry::so3;
 use northing_recording::{Event, RecordingError, Sample, SensorKind};
@@ -291,13 +293,18 @@ fn noise_of_the_gyroscope_is_named_with_its_size() {
 /// A filter that takes the mean of four fields is told of the noise of that mean, and only where that is more than it expects.
 #[test]
 fn noise_of_the_magnetometer_is_that_of_what_the_filter_takes() {
-    let finding_at = |std_ut: f64| {
+    // Of a logger that holds each field for so many samples.
+    let finding_at = |std_ut: f64, held: i64| {
         let mut noise = stream(6, "more");
         let more: Vec<_> = (0..4000)
             .map(|_| normal_vector(&mut noise, std_ut))
             .collect();
+        let field = Cell::new(Vector3::zeros());
         let events = samples(|k, _, v| {
-            v[2] += more[k as usize];
+            if k % held == 0 {
+                field.set(v[2] + more[k as usize]);
+            }
+            v[2] = field.get();
             true
         });
         let options = RunOptions::new(EstimatorKind::BoundedVelocity, Profile::HandHeld);
@@ -308,7 +315,7 @@ fn noise_of_the_magnetometer_is_that_of_what_the_filter_takes() {
             .find(|found| (found.cause, found.sensor) == (Cause::Noise, SensorKind::Magnetometer))
     };
     // 16 microtesla of a sample are 8 of four, 3.2 times the 2.5 that are stated; 6 are 3.
-    let sentence = finding_at(16.0).unwrap().sentence;
+    let sentence = finding_at(16.0, 1).unwrap().sentence;
     assert!(
         sentence.contains("in the mean of the 4 samples that the filter takes at a time")
             && ["3.1 times", "3.2 times", "3.3 times"]
@@ -316,8 +323,10 @@ fn noise_of_the_magnetometer_is_that_of_what_the_filter_takes() {
                 .any(|t| sentence.contains(t)),
         "{sentence}"
     );
-    let quiet = finding_at(6.0);
+    let quiet = finding_at(6.0, 1);
     assert!(quiet.is_none_or(|found| !found.sentence.contains("white noise is")));
+    let held = finding_at(16.0, 2).unwrap().sentence;
+    assert!(held.contains("in the mean of the 2 samples"), "{held}");
 }
 
 #[test]

@@ -76,12 +76,19 @@ impl Diagnosis {
         )
     }
 
-    /// Samples of the magnetometer of which the filter takes the mean.
+    /// Samples of the magnetometer of which the filter takes the mean; those that a logger holds are none.
     fn fields_of_a_look(&self) -> f64 {
-        let interval_s = self.magnetometer.timing.summary().interval_s;
+        let Channel {
+            timing,
+            samples,
+            repeated,
+            ..
+        } = &self.magnetometer;
+        let interval_s = timing.summary().interval_s;
         let mean_s = self.stated.magnetometer_mean_s.unwrap_or_default();
+        let new = 1.0 - *repeated as f64 / (*samples).max(1) as f64;
         if interval_s > 0.0 {
-            (mean_s / interval_s).round().max(1.0)
+            (mean_s / interval_s * new).round().max(1.0)
         } else {
             1.0
         }
