@@ -9,7 +9,7 @@ use std::time::Instant;
 use northing_core::kalman::{Innovation, Outcome, SkipReason};
 use northing_core::navigation::Validity;
 use northing_evaluation::statistics::lamp::{Remark, Tone};
-use northing_recording::mcap::{Level, Role, Status, diagnostics};
+use northing_recording::mcap::{EstimateTopic, Level, Role, Status, diagnostics};
 
 use crate::messages::{Measured, Message};
 use crate::node::NodeConfig;
@@ -21,6 +21,8 @@ pub(crate) const SCHEMA: &str = "diagnostic_msgs/msg/DiagnosticArray";
 
 /// An inertial sensor that is silent for longer pauses; an estimate is not carried over it (`--gap-limit`).
 const PAUSE_S: f64 = 0.5;
+/// Why a message is not sent: the middleware says no more.
+const REFUSED: &str = "the middleware refused them";
 /// An input is missed after so many of its mean intervals.
 const MISSED_INTERVALS: f64 = 10.0;
 
@@ -54,6 +56,9 @@ pub struct Diagnostics {
     updates: BTreeMap<&'static str, Updates>,
     estimates: u64,
     estimates_now: u64,
+    /// Messages that the middleware did not take.
+    refused: BTreeMap<EstimateTopic, u64>,
+    refused_now: u64,
     validity: Option<Validity>,
     measured: Measured,
     frame: Option<String>,
@@ -78,6 +83,8 @@ impl Diagnostics {
             updates: BTreeMap::new(),
             estimates: 0,
             estimates_now: 0,
+            refused: BTreeMap::new(),
+            refused_now: 0,
             validity: None,
             measured: Measured::default(),
             frame: None,
@@ -127,6 +134,12 @@ impl Diagnostics {
         self.estimates_now += 1;
     }
 
+    /// The middleware did not take a message of this topic.
+    pub(crate) fn refused(&mut self, topic: EstimateTopic) {
+        *self.refused.entry(topic).or_default() += 1;
+        self.refused_now += 1;
+    }
+
     pub(crate) fn validity(&mut self, validity: Validity) {
         self.validity = Some(validity);
     }
@@ -147,29 +160,25 @@ impl Diagnostics {
         self.inputs.get(&role).map_or(0, |input| input.heard)
     }
 
-    /// Estimates that were published.
-    #[must_use]
-    pub fn published(&self) -> u64 {
-        self.estimates
-    }
-
-    /// What was heard of each topic and left out, one sentence each.
+    /// What was heard of each topic and left out, and what could not be sent, one sentence each.
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
         let inputs = self
             .inputs
             .values()
             .filter(|input| input.heard > 0 || !input.left_out.is_empty());
-        inputs
-            .map(|input| {
-                let mut text = format!("{}: {} messages taken", input.topic, input.heard);
-                for (why, count) in &input.left_out {
-                    text.push_str(&format!(", {count} left out ({why})"));
-                }
-                text.push('.');
-                text
-            })
-            .collect()
+        let heard = inputs.map(|input| {
+            let mut text = format!("{}: {} messages taken", input.topic, input.heard);
+            for (why, count) in &input.left_out {
+                text.push_str(&format!(", {count} left out ({why})"));
+            }
+            text.push('.');
+            text
+        });
+        let refused = self.refused.iter().map(|(topic, count)| {
+            format!("{}: {count} messages not sent: {REFUSED}.", topic.name())
+        });
+        heard.chain(refused).collect()
     }
 
     /// The message; what is counted a second begins anew.
@@ -186,6 +195,7 @@ impl Diagnostics {
             *updates = Updates::default();
         }
         self.estimates_now = 0;
+        self.refused_now = 0;
         diagnostics(self.measured.time_ns, &self.name, &statuses)
     }
 
@@ -195,21 +205,31 @@ impl Diagnostics {
             (_, None) => (Level::Ok, "attitude is estimated".to_owned()),
             (_, Some(validity)) => of_validity(validity),
         };
-        let level = match self.estimates_now {
-            0 if level == Level::Ok => Level::Warn,
+        let is_less = self.estimates_now == 0 || self.refused_now > 0;
+        let level = match level {
+            Level::Ok if is_less => Level::Warn,
             _ => level,
         };
+        let mut message = message;
+        if self.estimates > 0 && self.estimates_now == 0 {
+            message.push_str("; none since the last diagnostics");
+        }
+        if self.refused_now > 0 {
+            message.push_str(&format!(
+                "; {} messages not sent: {REFUSED}",
+                self.refused_now
+            ));
+        }
+        let each_second = format!("{:.1}", self.estimates_now as f64 / seconds);
+        let mut values = vec![("estimates in a second".to_owned(), each_second)];
+        for (topic, count) in &self.refused {
+            values.push((format!("not sent: {}", topic.name()), count.to_string()));
+        }
         Status {
             level,
             name: format!("{}: estimate", self.name),
-            message: match self.estimates_now {
-                0 if self.estimates > 0 => format!("{message}; none since the last diagnostics"),
-                _ => message,
-            },
-            values: vec![(
-                "estimates in a second".to_owned(),
-                format!("{:.1}", self.estimates_now as f64 / seconds),
-            )],
+            message,
+            values,
         }
     }
 }
@@ -287,5 +307,40 @@ impl Updates {
             },
             values,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_that_the_middleware_refuses_are_said() {
+        let mut told = Diagnostics::new("/northing", &NodeConfig::default());
+        told.estimated();
+        let good = told.estimate_status(1.0);
+        assert_eq!((good.level, good.values.len()), (Level::Ok, 1));
+        told.refused(EstimateTopic::Imu);
+        told.refused(EstimateTopic::Imu);
+        let status = told.estimate_status(1.0);
+        assert_eq!(status.level, Level::Warn);
+        assert!(
+            status
+                .message
+                .ends_with("; 2 messages not sent: the middleware refused them")
+        );
+        assert_eq!(
+            status.values.last(),
+            Some(&("not sent: /imu/data".to_owned(), "2".to_owned()))
+        );
+        // Counted anew from the next diagnostics on, and all of them at the end.
+        let _ = told.message();
+        told.estimated();
+        assert_eq!(told.estimate_status(1.0).level, Level::Ok);
+        let said = told.sentences();
+        assert_eq!(
+            said,
+            ["/imu/data: 2 messages not sent: the middleware refused them."]
+        );
     }
 }

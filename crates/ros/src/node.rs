@@ -155,12 +155,11 @@ pub(crate) struct Publishers {
 }
 
 impl Publishers {
-    /// Publishes a message; a peer that is slow, or gone, costs at most the patience of the middleware.
-    pub(crate) fn publish(&self, topic: EstimateTopic, bytes: Vec<u8>) {
+    /// Publishes a message, without waiting for a peer that is slow or gone; whether the middleware took it. It takes none while
+    /// so many as the queue holds are not acknowledged.
+    pub(crate) fn publish(&self, topic: EstimateTopic, bytes: Vec<u8>) -> bool {
         let topics = self.topics.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(publisher) = topics.get(&topic) {
-            let _ = publisher.publish(Bytes(bytes));
-        }
+        (topics.get(&topic)).is_some_and(|publisher| publisher.publish(Bytes(bytes)).is_ok())
     }
 }
 
@@ -481,6 +480,7 @@ async fn tell(publisher: Publisher<Bytes>, diagnostics: Arc<Mutex<Diagnostics>>)
             diagnostics.message()
         };
         if let Some(bytes) = bytes {
+            // Where it is not taken there is nobody to tell: this is how a peer is told.
             let _ = publisher.publish(Bytes(bytes));
         }
     }

@@ -77,8 +77,12 @@ impl Poses {
         }
         for (topic, bytes) in messages(&pose, &self.names) {
             let is_wanted = !(self.frames.no_transforms && topic == EstimateTopic::Transform);
-            if let Some(bytes) = bytes.filter(|_| is_wanted) {
-                self.publishers.publish(topic, bytes);
+            if let Some(bytes) = bytes.filter(|_| is_wanted)
+                && !self.publishers.publish(topic, bytes)
+            {
+                let mut diagnostics =
+                    (self.diagnostics.lock()).unwrap_or_else(PoisonError::into_inner);
+                diagnostics.refused(topic);
             }
         }
     }

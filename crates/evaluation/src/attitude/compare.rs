@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use northing_recording::{Metadata, OpenOptions};
+use northing_recording::{Metadata, OpenOptions, Recording};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -61,48 +61,63 @@ pub fn compare_observed<O: RunObserver + Send>(
     finished: &(dyn Fn() + Sync),
     observe: &(dyn Fn(&Metadata) -> O + Sync),
 ) -> Vec<Compared<O>> {
-    let pairs: Vec<_> = paths
-        .iter()
-        .flat_map(|path| options.estimators.iter().map(move |e| (path, *e)))
-        .collect();
-    pairs
-        .into_par_iter()
-        .map(|(path, estimator)| {
-            let run = RunOptions {
-                estimator,
-                smooth: options.run.smooth && estimator.has_smoother(),
-                ..options.run.clone()
-            };
-            let (outcome, observer) = match run_file(path, run, options, observe) {
-                Ok((summary, observer)) => (Ok(summary), Some(observer)),
-                Err(error) => (Err(error), None),
-            };
-            finished();
-            Compared {
-                path: path.clone(),
-                folder: folder_of(path),
-                estimator,
-                outcome,
-                observer,
-            }
+    paths
+        .par_iter()
+        .flat_map(|path| {
+            let reference = reference_of(path, options);
+            options.estimators.par_iter().map(move |&estimator| {
+                let run = RunOptions {
+                    estimator,
+                    smooth: options.run.smooth && estimator.has_smoother(),
+                    reference: reference.unwrap_or(options.run.reference),
+                    ..options.run.clone()
+                };
+                let is_aligned = reference.is_some() || !options.align_reference;
+                let (outcome, observer) = match run_file(path, run, is_aligned, options, observe) {
+                    Ok((summary, observer)) => (Ok(summary), Some(observer)),
+                    Err(error) => (Err(error), None),
+                };
+                finished();
+                Compared {
+                    path: path.clone(),
+                    folder: folder_of(path),
+                    estimator,
+                    outcome,
+                    observer,
+                }
+            })
         })
         .collect()
+}
+
+/// What becomes of the reference of a recording, found once for all estimators; `None` where it is not to be aligned, and where it
+/// cannot be: then every run looks again, and has the error.
+fn reference_of(path: &Path, options: &CompareOptions) -> Option<ReferenceUse> {
+    if !options.align_reference || options.estimators.is_empty() {
+        return None;
+    }
+    let mut recording = open(path, options).ok()?;
+    let found = reference::fit_recording(&mut recording).ok()?;
+    Some(ReferenceUse::Aligned(found))
+}
+
+fn open(path: &Path, options: &CompareOptions) -> Result<Recording, EvaluationError> {
+    northing_recording::open(path, &options.open)
+        .map_err(|error| EvaluationError::Recording(Box::new(error)))
 }
 
 fn run_file<O: RunObserver>(
     path: &Path,
     mut run: RunOptions,
+    is_aligned: bool,
     options: &CompareOptions,
     observe: &(dyn Fn(&Metadata) -> O + Sync),
 ) -> Result<(RunSummary, O), EvaluationError> {
-    let open = || {
-        northing_recording::open(path, &options.open)
-            .map_err(|error| EvaluationError::Recording(Box::new(error)))
-    };
-    if options.align_reference {
-        run.reference = ReferenceUse::Aligned(reference::fit_recording(&mut open()?)?);
+    if !is_aligned {
+        let found = reference::fit_recording(&mut open(path, options)?)?;
+        run.reference = ReferenceUse::Aligned(found);
     }
-    let mut recording = open()?;
+    let mut recording = open(path, options)?;
     options.calibrations.apply(recording.metadata(), &mut run)?;
     let options = runner::options_for(&recording, &run);
     let mut observer = observe(recording.metadata());
