@@ -9,6 +9,7 @@
 //! numbers fit both, passes.
 
 mod position;
+mod vertical;
 
 use nalgebra::Vector3;
 use northing_core::geometry::so3;
@@ -172,11 +173,23 @@ impl NormCheck {
             return Ok(());
         };
         let (expected, looks, hint) = match (self.sensor, norm) {
-            // The upper limit is above 1 g for a sensor that is shaken by a runner from the first second on.
-            (SensorKind::Accelerometer, 0.5..3.0) => (
+            (SensorKind::Accelerometer, ..0.5) => (
+                format!("{norm:.3}, expected about 9.8 m/s^2"),
+                "acceleration without gravity, which does not say where up is",
+                "if so, record the acceleration with gravity (or use --accelerometer-unit m-per-s2 if the numbers are right)",
+            ),
+            // At rest, and in a hand, g are near 1.
+            (SensorKind::Accelerometer, 0.9..1.1) => (
                 format!("{norm:.3}, expected about 9.8 m/s^2"),
                 "g",
                 "if so, use --accelerometer-unit g (or m-per-s2 if the numbers are right)",
+            ),
+            // The upper limit is above 1 g for a sensor that is shaken by a runner from the first second on.
+            (SensorKind::Accelerometer, 0.5..3.0) => (
+                format!("{norm:.3}, expected about 9.8 m/s^2"),
+                "g, or like acceleration without gravity",
+                "for g use --accelerometer-unit g, otherwise record the acceleration with gravity (or use m-per-s2 if the numbers are \
+                 right)",
             ),
             (SensorKind::Accelerometer, _) | (_, 2.0..) => return Ok(()),
             (_, 0.01..) => (

@@ -11,7 +11,7 @@
 //! ```text
 //! x = [position north, east, current north, east],  w: velocity through the water           (R1)
 //! position <- position + (w + current) T,  current walks
-//! Q: white velocity error of density s_w, current walk s_c                                   (R2)
+//! Q: white velocity error of density s_w, current walk s_c, without a log lambda s_c         (R2, R5)
 //! position z = position + noise,  velocity over ground z = w + current + noise               (R3)
 //! ```
 //!
@@ -42,6 +42,11 @@ const LONGEST_STEP_S: f64 = 10.0;
 const FASTEST: f64 = 100.0;
 /// So many fixes outside the gate in a row, and the state is what is wrong.
 const OUTLIERS_ACCEPTED: u8 = 5;
+/// Without a log the walk follows the innovations (R5): so fast, one outside the gate by so much at once, and its variance is so many
+/// times that of the parameter at most.
+const MANOEUVRE_GAIN: f64 = 0.2;
+const MANOEUVRE_AT_ONCE: f64 = 100.0;
+const MANOEUVRE_MOST: f64 = 1e4;
 /// Largest position error that still means something, m.
 const FARTHEST: f64 = 1e6;
 /// Nothing is measured better than this, m and m/s.
@@ -62,8 +67,9 @@ parameters! {
         "Raising it follows a change of current, or of what log and compass do wrong, faster; an outage grows faster,",
         "too.";
     velocity_random_walk: T, "(m/s)/sqrt(s)", From(1e-6, 1e3), [1.0],
-        "random walk of the velocity while there is no log",
-        "What a vessel's or a vehicle's accelerations amount to. Raising it follows the fixes more.";
+        "least random walk of the velocity while there is no log",
+        "What a vessel's or a vehicle's accelerations amount to; where fixes show more, more is learnt. Raising it follows",
+        "the fixes more.";
     initial_current_std: T, "m/s", From(1e-4, 1e3), [2.0],
         "standard deviation of the current at the start";
 }
@@ -85,6 +91,8 @@ pub struct DeadReckoningState<T: Scalar> {
     pub since_fix_s: Option<T>,
     /// Fixes outside the gate in a row.
     pub outliers: u8,
+    /// By how much the variance of the velocity's walk is larger than stated, as the innovations show; 1 or more (R5).
+    pub manoeuvre: T,
 }
 
 /// The filter.
@@ -106,6 +114,7 @@ impl<T: Scalar> Restorable for DeadReckoning<T> {
         covariance("covariance", &state.covariance)?;
         finite("velocity through the water", &state.water_velocity)?;
         not_negative("time since the last fix", &state.since_fix_s)?;
+        not_negative("size of manoeuvres", &Some(state.manoeuvre))?;
         self.state = state;
         Ok(())
     }
@@ -127,6 +136,7 @@ impl<T: Scalar> DeadReckoning<T> {
                 has_log: false,
                 since_fix_s: None,
                 outliers: 0,
+                manoeuvre: T::one(),
             },
         })
     }
@@ -192,9 +202,32 @@ impl<T: Scalar> DeadReckoning<T> {
     /// Why it is refused; the one before then holds on.
     pub fn water_velocity(&mut self, velocity: &Vector2<T>) -> Result<(), SkipReason> {
         check2(velocity, FASTEST)?;
+        if !self.state.has_log && self.state.since_fix_s.is_some() {
+            self.begin_with_log(velocity);
+        }
         self.state.water_velocity = *velocity;
         self.state.has_log = true;
         Ok(())
+    }
+
+    /// The current was the whole velocity until now: what the log says is taken out of it, or it begins where that was not known.
+    fn begin_with_log(&mut self, water: &Vector2<T>) {
+        let prior = self.config.initial_current_std.powi(2);
+        for axis in 0..2 {
+            let current = axis + 2;
+            self.state.state[current] -= water[axis];
+            if self.state.covariance[(current, current)] > prior {
+                self.forget(current, T::zero(), prior);
+            }
+        }
+    }
+
+    /// A state begins anew, with this value and variance, correlated with nothing.
+    fn forget(&mut self, index: usize, value: T, variance: T) {
+        self.state.state[index] = value;
+        self.state.covariance.row_mut(index).fill(T::zero());
+        self.state.covariance.column_mut(index).fill(T::zero());
+        self.state.covariance[(index, index)] = variance;
     }
 
     /// Moves on by `dt` seconds (R1, R2). Before the first fix, and for `dt <= 0`, it does nothing.
@@ -217,11 +250,16 @@ impl<T: Scalar> DeadReckoning<T> {
         let square = |x: T| x * x;
         let white = square(self.config.water_velocity_noise_density) * dt;
         let walk = if self.state.has_log {
-            self.config.current_random_walk
+            square(self.config.current_random_walk)
         } else {
-            self.config.velocity_random_walk
+            square(self.config.velocity_random_walk) * self.state.manoeuvre
         };
-        let walk = square(walk) * dt;
+        let walk = walk * dt;
+        // What the walk adds to the position within the step; a current is too slow for that.
+        let [across, within] = match self.state.has_log {
+            true => [T::zero(); 2],
+            false => [walk * dt * lit(0.5), walk * dt * dt / lit(3.0)],
+        };
         let p = &mut self.state.covariance;
         for axis in 0..2 {
             let rows = p.row(axis) + p.row(axis + 2) * dt;
@@ -230,7 +268,9 @@ impl<T: Scalar> DeadReckoning<T> {
             p.set_column(axis, &columns);
         }
         for axis in 0..2 {
-            p[(axis, axis)] += white;
+            p[(axis, axis)] += white + within;
+            p[(axis, axis + 2)] += across;
+            p[(axis + 2, axis)] += across;
             p[(axis + 2, axis + 2)] += walk;
             cap_variance(p, axis, square(lit(FARTHEST)));
             cap_variance(p, axis + 2, lit(FASTEST * FASTEST));
@@ -241,20 +281,26 @@ impl<T: Scalar> DeadReckoning<T> {
 
     /// Corrects with a position (m, north, east) and its standard deviation per axis. The first one starts
     /// the filter; one that jumps too far is left out, five times in a row, and then the position starts again
-    /// there, with the current kept.
+    /// there, with the current kept; without a log the velocity starts again as well.
     pub fn update_position(&mut self, position: &Vector2<T>, std: T) -> Innovation<T> {
         if let Err(reason) = check2(position, 1e8).and_then(|()| check_std(std)) {
             return Innovation::skipped(reason);
         }
         let variance = square_of(std);
         if self.state.since_fix_s.is_none() {
-            self.state.covariance.m33 = self.config.initial_current_std.powi(2);
-            self.state.covariance.m44 = self.state.covariance.m33;
+            // Of the velocity of a vehicle without a log nothing is known.
+            let std = match self.state.has_log {
+                true => self.config.initial_current_std,
+                false => lit(FASTEST),
+            };
+            self.state.covariance.m33 = std.powi(2);
+            self.state.covariance.m44 = std.powi(2);
             self.start(position, variance);
             return self.record(&Vector2::zeros(), 0, variance, Outcome::Fused);
         }
         let residual = position - self.position();
         let record = self.record(&residual, 0, variance, Outcome::Fused);
+        self.learn_manoeuvres(record.nis);
         if record.nis > outlier_nis() {
             return self.outlier(position, variance, record);
         }
@@ -281,6 +327,7 @@ impl<T: Scalar> DeadReckoning<T> {
         };
         let variance = square_of(std) + log * log;
         let record = self.record(&residual, 2, variance, Outcome::Fused);
+        self.learn_manoeuvres(record.nis);
         if record.nis > outlier_nis() {
             return Innovation {
                 outcome: Outcome::Gated,
@@ -291,6 +338,21 @@ impl<T: Scalar> DeadReckoning<T> {
         record
     }
 
+    /// Where innovations of two components are larger than their variance, the velocity walks faster than stated (R5).
+    fn learn_manoeuvres(&mut self, nis: T) {
+        if self.state.has_log || !nis.is_finite() {
+            return;
+        }
+        let ratio = nis * lit(0.5);
+        let factor = if nis > outlier_nis() {
+            ratio.min(lit(MANOEUVRE_AT_ONCE))
+        } else {
+            (lit::<T>(MANOEUVRE_GAIN) * (ratio - T::one())).exp()
+        };
+        let learnt = self.state.manoeuvre * factor;
+        self.state.manoeuvre = learnt.clamp(T::one(), lit(MANOEUVRE_MOST));
+    }
+
     fn outlier(
         &mut self,
         position: &Vector2<T>,
@@ -299,6 +361,11 @@ impl<T: Scalar> DeadReckoning<T> {
     ) -> Innovation<T> {
         let accepted = self.state.outliers >= OUTLIERS_ACCEPTED;
         if accepted {
+            if !self.state.has_log {
+                for velocity in 2..4 {
+                    self.forget(velocity, self.state.state[velocity], lit(FASTEST * FASTEST));
+                }
+            }
             self.start(position, variance);
             self.state.outliers = 0;
         } else {
@@ -314,16 +381,10 @@ impl<T: Scalar> DeadReckoning<T> {
 
     /// Puts the position where the fix is; it is no longer correlated with the current.
     fn start(&mut self, position: &Vector2<T>, variance: T) {
-        let state = &mut self.state;
         for axis in 0..2 {
-            state.state[axis] = position[axis];
-            for other in 0..4 {
-                state.covariance[(axis, other)] = T::zero();
-                state.covariance[(other, axis)] = T::zero();
-            }
-            state.covariance[(axis, axis)] = variance;
+            self.forget(axis, position[axis], variance);
         }
-        state.since_fix_s = Some(T::zero());
+        self.state.since_fix_s = Some(T::zero());
     }
 
     /// Two scalar measurements of the states `first` and `first + 1` (R3).

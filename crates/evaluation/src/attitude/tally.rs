@@ -420,6 +420,13 @@ impl Tally {
                 self.scores.not_finite()
             ));
         }
+        let fixes = self.samples_of(SensorKind::GnssPosition);
+        if fixes > 1 {
+            issues.push(format!(
+                "{fixes} fixes of a satellite receiver are not used: an estimator of the attitude alone has run. In a vehicle, \
+                 error-state estimates attitude and position with them."
+            ));
+        }
         let has_compass = self.samples_of(SensorKind::CompassHeading) > 0;
         if runs_filter && has_compass && self.present.compass && !self.present.magnetometer {
             issues.push(

@@ -16,6 +16,8 @@ use crate::statistics::seconds_between;
 
 /// 95 % of two degrees of freedom.
 pub const CHI_SQUARE_95: f64 = 5.991_464_547;
+/// 95 % of a normal distribution, standard deviations.
+const NORMAL_95: f64 = 1.959_963_985;
 /// A course is a heading above this speed, m/s ...
 const COURSE_ABOVE: f64 = 3.0;
 /// ... and where the vehicle turns slower than this, rad/s.
@@ -32,8 +34,8 @@ pub struct ScorePoint {
     pub ned: Vector3<f64>,
     /// Standard deviation of that per horizontal axis, m.
     pub std: f64,
-    /// Whether its height is known.
-    pub vertical: bool,
+    /// Standard deviation of its height, m; `None` where no height is known.
+    pub vertical_std: Option<f64>,
     /// The last fix that the estimator got before.
     pub last_fix: Option<LastFix>,
 }
@@ -93,6 +95,10 @@ pub struct PositionScore {
     pub scored_fixes: u64,
     /// Share of them inside the 95 % ellipse that the estimator stated, 0 to 1.
     pub inside_95: f64,
+    /// Share of the heights inside the 95 % band that the estimator stated, 0 to 1; `None` where no height was known.
+    pub vertical_inside_95: Option<f64>,
+    /// Mean of the vertical error, m, down positive.
+    pub vertical_mean_m: Option<f64>,
     /// Horizontal root mean square of the last fix held, m.
     pub hold_rmse_m: Option<f64>,
     /// Horizontal root mean square of the last fix moved on with its velocity, m.
@@ -145,6 +151,7 @@ pub(crate) struct Scorer {
     hold: Rms,
     extrapolation: Rms,
     inside: u64,
+    inside_vertically: u64,
     too_early: u64,
     velocity: Rms,
     heading: Rms,
@@ -233,7 +240,10 @@ impl Scorer {
         }
         self.horizontal.add(horizontal);
         self.inside += u64::from(inside);
-        if point.vertical {
+        if let Some(std) = point.vertical_std {
+            let stated = estimate.position_covariance.m33.max(0.0).sqrt();
+            let is_inside = error.z.abs() <= NORMAL_95 * stated.hypot(std);
+            self.inside_vertically += u64::from(is_inside);
             self.vertical.add(error.z);
         }
         if let Some([hold, line]) = simple {
@@ -304,6 +314,9 @@ impl Scorer {
             vertical_rmse_m: self.vertical.value(),
             scored_fixes: self.horizontal.count,
             inside_95: self.inside as f64 / self.horizontal.count as f64,
+            vertical_inside_95: (self.vertical.count > 0)
+                .then(|| self.inside_vertically as f64 / self.vertical.count as f64),
+            vertical_mean_m: self.vertical.mean(),
             hold_rmse_m: self.hold.value(),
             extrapolation_rmse_m: self.extrapolation.value(),
         })
@@ -384,7 +397,7 @@ mod tests {
             frame: crate::navigation::navigator::no_frame(),
             ned: Vector3::new(x, 0.0, 0.5),
             std: 0.0,
-            vertical: true,
+            vertical_std: Some(0.0),
             last_fix: Some(LastFix {
                 time_ns: 0,
                 ned: Vector3::zeros(),

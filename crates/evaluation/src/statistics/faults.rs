@@ -102,6 +102,37 @@ impl FaultRecord {
     }
 }
 
+/// So many changes of a bias, each so soon after the one before in the mean, s, are hardly the gyroscope's own.
+const MANY_BIAS_STEPS: usize = 4;
+const SOON_S: f64 = 120.0;
+
+fn is_bias_step(record: &FaultRecord) -> bool {
+    record.kind == FaultKind::BiasStep
+}
+
+fn are_many(steps: &[&FaultRecord]) -> bool {
+    let [first, .., last] = steps else {
+        return false;
+    };
+    let each_s = (last.found_s - first.found_s) / (steps.len() - 1) as f64;
+    steps.len() >= MANY_BIAS_STEPS && each_s < SOON_S
+}
+
+fn many_bias_steps(steps: &[&FaultRecord]) -> String {
+    let largest = steps.iter().map(|record| record.size).fold(0.0, f64::max);
+    let [first, .., last] = steps else {
+        return String::new();
+    };
+    format!(
+        "{}: {} changes of its bias were found and removed from {:.2} s to {:.2} s, of up to {largest:.3} rad/s. A gyroscope hardly does \
+         that: its axes, units or clock may be wrong, or what it is compared with is (fixes, gravity, the field).",
+        sensor_name(first.sensor),
+        steps.len(),
+        first.found_s,
+        last.found_s,
+    )
+}
+
 /// Collects the faults of a run; what is told twice, when found and when over, becomes one record.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FaultTally {
@@ -140,9 +171,18 @@ impl FaultTally {
 
     /// The first of them in words, and how many there are besides.
     pub(crate) fn sentences(&self) -> Vec<String> {
-        let told = self.faults.iter().take(MOST_SENTENCES);
-        let mut sentences: Vec<String> = told.map(|(_, record)| record.sentence()).collect();
-        let more = self.faults.len().saturating_sub(MOST_SENTENCES) as u64 + self.more;
+        let steps = self.faults.iter().map(|(_, record)| record);
+        let steps: Vec<&FaultRecord> = steps.filter(|record| is_bias_step(record)).collect();
+        let are_many = are_many(&steps);
+        let single = self.faults.iter().map(|(_, record)| record);
+        let single: Vec<&FaultRecord> = single
+            .filter(|record| !(are_many && is_bias_step(record)))
+            .collect();
+        let mut sentences = Vec::new();
+        sentences.extend(are_many.then(|| many_bias_steps(&steps)));
+        let told = single.iter().take(MOST_SENTENCES);
+        sentences.extend(told.map(|record| record.sentence()));
+        let more = single.len().saturating_sub(MOST_SENTENCES) as u64 + self.more;
         if more > 0 {
             sentences.push(format!("{more} more faults of the samples like these."));
         }
@@ -200,5 +240,34 @@ mod tests {
             tally.sentences()[5],
             "3 more faults of the samples like these."
         );
+    }
+
+    #[test]
+    fn a_bias_that_changes_again_and_again_is_not_called_the_gyroscopes() {
+        let step = |found_s: i64| Fault {
+            sensor: FaultySensor::Gyroscope,
+            kind: FaultKind::BiasStep,
+            from_ns: found_s * 1_000_000_000,
+            until_ns: found_s * 1_000_000_000,
+            is_over: true,
+            size: 0.1 + 0.001 * found_s as f64,
+        };
+        let said = |times: &[i64]| {
+            let mut tally = FaultTally::default();
+            times.iter().for_each(|at| tally.add(0, &step(*at)));
+            tally.sentences()
+        };
+        let often = said(&[10, 30, 40, 70]);
+        assert!(
+            often.len() == 1 && often[0].contains("4 changes of its bias were found and removed from 10.00 s to 70.00 s, of up to 0.170"),
+            "{often:?}"
+        );
+        for few in [&[10, 30, 40][..], &[10, 1000, 3000, 9000]] {
+            let said = said(few);
+            assert!(
+                said.len() == few.len() && said[0].contains("its bias changed by"),
+                "{said:?}"
+            );
+        }
     }
 }

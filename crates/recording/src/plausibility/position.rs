@@ -1,12 +1,15 @@
-//! Detects fixes that cannot be: swapped coordinates, degrees for radians, and counts jumps and repetitions.
+//! Detects fixes that cannot be: swapped coordinates, degrees for radians, a velocity in knots or with up for down, and counts jumps
+//! and repetitions.
 //!
 //! Numbers beyond a pole tell at once. Numbers that could be a place are compared with the receiver's own
 //! velocity: over stretches of some metres the way between fixes must be the way that the velocity
-//! went. Several hypotheses compete, "the numbers are right", latitude and longitude swapped, radians, west positive; only a clear
-//! win of another one refuses the recording, so a receiver at rest, or one without velocity, passes.
+//! went. Several hypotheses compete, "the numbers are right", latitude and longitude swapped, radians, west positive, north and east of
+//! the velocity swapped, its unit another one; only a clear win of another one refuses the recording, so a receiver at rest, or one
+//! without velocity, passes. Heights and the velocity down are compared in the same way (`vertical.rs`).
 
 use northing_core::earth::Radii;
 
+use super::vertical::VerticalCheck;
 use super::{Doubt, Verdict};
 use crate::event::SensorKind;
 use crate::gnss::{GnssPosition, GnssVelocity};
@@ -19,12 +22,42 @@ pub(super) struct PositionCheck {
     velocity: Option<(i64, GnssVelocity)>,
     stretch: Option<Stretch>,
     stretches: u32,
-    /// Sums of the squared relative errors: as the numbers are, and of the hypotheses.
-    errors: [f64; 4],
+    /// Sums of the squared relative errors: as the numbers are, of the other readings, and of the velocity in other units.
+    errors: [f64; 1 + READINGS.len() + UNITS.len()],
+    /// Sums over stretches: the way of the fixes along that of the velocity, and the square of that, m^2.
+    along: [f64; 2],
+    vertical: VerticalCheck,
     jumps: u64,
     largest_jump_m: f64,
     repeats: u64,
 }
+
+/// What speaks for each other reading of the numbers, and what to do.
+const READINGS: [(&str, &str); 4] = [
+    (
+        "latitude and longitude look swapped, or north and east of the velocity",
+        "if so, exchange the columns in the manifest",
+    ),
+    (
+        "the coordinates look like radians under the name of degrees",
+        "if so, say unit = \"rad\" in the manifest",
+    ),
+    (
+        "longitudes look as if west were positive",
+        "if so, turn the sign of the longitude, or exchange east and west of the velocity",
+    ),
+    (
+        "north and east of the velocity look swapped, or latitude and longitude",
+        "if so, exchange the columns in the manifest",
+    ),
+];
+/// Other units of a velocity, m/s.
+const UNITS: [(f64, &str); 4] = [
+    (0.514_444, "knots"),
+    (1.0 / 3.6, "km/h"),
+    (0.447_04, "miles an hour"),
+    (0.01, "cm/s"),
+];
 
 /// A comparison in progress.
 #[derive(Debug, Clone, Copy)]
@@ -35,8 +68,10 @@ struct Stretch {
 }
 
 impl PositionCheck {
-    /// A comparison is made when the velocity has gone so far, m.
+    /// A comparison is made when the velocity has gone so far, m, and the fixes as well, or the velocity so many times as far: its
+    /// numbers may be of a smaller unit.
     const LEAST_WAY_M: f64 = 20.0;
+    const SMALLER_UNIT: f64 = 4.0;
     /// Fixes further apart than this, s, are not compared.
     const LONGEST_PAUSE_S: f64 = 2.5;
     /// Evidence: number of stretches, and the mean squared relative errors of a hypothesis that is
@@ -44,6 +79,8 @@ impl PositionCheck {
     const STRETCHES: u32 = 5;
     const WRONG: f64 = 0.25;
     const RIGHT: f64 = 0.04;
+    /// The same of a velocity in m/s where another unit is right: knots go half as far.
+    const WRONG_UNIT: f64 = 0.15;
     /// A fix is a jump when it is farther than this from where the velocity leads, m, beside six
     /// standard deviations and an acceleration of `JUMP_M_S2`.
     const JUMP_M: f64 = 30.0;
@@ -72,15 +109,20 @@ impl PositionCheck {
         let velocity = self
             .velocity
             .filter(|(told_ns, _)| time_ns.saturating_sub(*told_ns) as f64 * 1e-9 < 2.0 * dt + 0.1);
+        let down = velocity.and_then(|(_, v)| v.down_m_s);
         let velocity = velocity.map(|(_, v)| [v.north_m_s, v.east_m_s]);
         self.watch(&last, fix, dt, velocity);
         match velocity {
             Some(velocity) if dt <= Self::LONGEST_PAUSE_S => {
                 self.compare(&last, fix, dt, velocity);
-                self.judge()
+                self.vertical
+                    .compare([last.height_m, fix.height_m], dt, down);
+                self.judge()?;
+                self.vertical.judge()
             }
             _ => {
                 self.stretch = None;
+                self.vertical.pause();
                 Ok(())
             }
         }
@@ -126,20 +168,28 @@ impl PositionCheck {
             return;
         }
         let start = stretch.start;
+        let end = [fix.latitude_rad, fix.longitude_rad];
+        let as_is = between(start, end);
+        let is_short = as_is[0].hypot(as_is[1]) < Self::LEAST_WAY_M;
+        if is_short && length < Self::SMALLER_UNIT * Self::LEAST_WAY_M {
+            return;
+        }
         self.stretch = None;
         self.stretches += 1;
-        let end = [fix.latitude_rad, fix.longitude_rad];
         let scaled =
             |[latitude, longitude]: [f64; 2]| [latitude.to_degrees(), longitude.to_degrees()];
         let swapped = |[latitude, longitude]: [f64; 2]| [longitude, latitude];
-        let as_is = between(start, end);
         let ways = [
             as_is,
             between(swapped(start), swapped(end)),
             between(scaled(start), scaled(end)),
             [as_is[0], -as_is[1]],
+            swapped(as_is),
         ];
-        for (error, way) in self.errors.iter_mut().zip(ways) {
+        self.along[0] += as_is[0] * north + as_is[1] * east;
+        self.along[1] += length * length;
+        let in_units = UNITS.map(|(unit, _)| as_is.map(|metres| metres / unit));
+        for (error, way) in self.errors.iter_mut().zip(ways.into_iter().chain(in_units)) {
             let off = (way[0] - north).hypot(way[1] - east) / length;
             // One jump shall not outweigh everything.
             *error += off.min(2.0).powi(2);
@@ -147,34 +197,35 @@ impl PositionCheck {
     }
 
     fn judge(&self) -> Verdict {
-        /// What speaks for each other reading of the numbers, and what to do.
-        const LOOKS: [(&str, &str); 3] = [
-            (
-                "latitude and longitude look swapped, or north and east of the velocity",
-                "if so, exchange the columns in the manifest",
-            ),
-            (
-                "the coordinates look like radians under the name of degrees",
-                "if so, say unit = \"rad\" in the manifest",
-            ),
-            (
-                "longitudes look as if west were positive",
-                "if so, turn the sign of the longitude, or exchange east and west of the velocity",
-            ),
-        ];
         let stretches = f64::from(self.stretches);
-        if self.stretches < Self::STRETCHES || self.errors[0] < Self::WRONG * stretches {
+        let wrong = self.errors[0] / stretches;
+        if self.stretches < Self::STRETCHES || wrong < Self::WRONG_UNIT {
             return Ok(());
         }
-        let mut others = LOOKS.into_iter().zip(&self.errors[1..]);
-        let best = others.find(|(_, error)| **error < Self::RIGHT * stretches);
-        let Some(((looks, hint), _)) = best else {
+        let others = self.errors[1..].iter().enumerate();
+        let best = others
+            .filter(|(other, _)| wrong >= Self::WRONG || *other >= READINGS.len())
+            .min_by(|a, b| a.1.total_cmp(b.1));
+        let Some((best, _)) = best.filter(|(_, error)| **error < Self::RIGHT * stretches) else {
             return Ok(());
         };
-        let evidence = format!(
-            "over {stretches} stretches the fixes do not go where the receiver's own velocity goes; {looks}"
-        );
-        implausible(evidence, hint)
+        if let Some((looks, hint)) = READINGS.get(best) {
+            return implausible(
+                format!(
+                    "over {stretches} stretches the fixes do not go where the receiver's own velocity goes; {looks}"
+                ),
+                hint,
+            );
+        }
+        let (_, name) = UNITS[best - READINGS.len()];
+        let ratio = self.along[0] / self.along[1];
+        implausible(
+            format!(
+                "over {stretches} stretches the fixes go {ratio:.2} times as far as the receiver's own velocity; the velocity looks \
+                 like {name} under the name of m/s"
+            ),
+            "if so, give it in m/s, or speed and course with their unit in a manifest (`northing describe` drafts one)",
+        )
     }
 
     /// Tells what was counted.
@@ -191,6 +242,7 @@ impl PositionCheck {
                 self.repeats
             ));
         }
+        self.vertical.tell(issues);
     }
 }
 
@@ -230,7 +282,7 @@ fn in_range(fix: &GnssPosition) -> Verdict {
     )
 }
 
-fn implausible(evidence: String, hint: &'static str) -> Verdict {
+pub(super) fn implausible(evidence: String, hint: &'static str) -> Verdict {
     let sensor = SensorKind::GnssPosition;
     Err(Doubt {
         sensor,

@@ -206,6 +206,12 @@ fn facts(summary: &NavigationSummary) -> Vec<Fact> {
             "inside the 95 % ellipse",
             format!("{:.0} %", 100.0 * position.inside_95),
         ));
+        facts.extend(position.vertical_inside_95.map(|share| {
+            Fact::new(
+                "heights inside their 95 %",
+                format!("{:.0} %", 100.0 * share),
+            )
+        }));
     }
     let velocity = summary.velocity_rmse_m_s;
     facts.extend(velocity.map(|v| Fact::new("velocity error, RMS", format!("{v:.2} m/s"))));
@@ -250,6 +256,7 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
     if let Some(position) = &summary.position {
         verdicts.push(better_than_nothing(position));
         verdicts.push(consistency(position));
+        verdicts.extend(vertical_consistency(position));
     }
     verdicts.extend(outage_consistency(&summary.outages));
     if summary.validity.heading_unknown_s > summary.validity.aided_s {
@@ -371,6 +378,31 @@ fn consistency(position: &PositionScore) -> Verdict {
     }
 }
 
+/// The mean of an error is nearly all of it.
+const SAME_ALL_THE_TIME: f64 = 0.95;
+
+/// Heights that are not where they are stated; where they are, the numbers say so.
+fn vertical_consistency(position: &PositionScore) -> Option<Verdict> {
+    let share = position.vertical_inside_95?;
+    let (rms, mean) = (position.vertical_rmse_m?, position.vertical_mean_m?);
+    if share >= *CONSISTENT.start() {
+        return None;
+    }
+    let way = if mean > 0.0 { "low" } else { "high" };
+    let mut text = format!(
+        "Overconfident vertically: only {:.0} % of the heights inside their 95 %; the error is {} m RMS, and {} m too {way} in the mean.",
+        100.0 * share,
+        metres(rms),
+        metres(mean.abs()),
+    );
+    if mean.abs() > SAME_ALL_THE_TIME * rms {
+        text.push_str(
+            " It is nearly the same all the time: heights above the sea beside heights above the ellipsoid would look so.",
+        );
+    }
+    Some(Verdict::new(Tone::Bad, text))
+}
+
 fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
     let judged = outages.iter().filter_map(|o| o.inside_95);
     let (inside, all) = judged.fold((0, 0), |(inside, all), ok| {
@@ -481,6 +513,8 @@ mod tests {
             extrapolation_rmse_m: None,
             inside_95,
             vertical_rmse_m: None,
+            vertical_inside_95: None,
+            vertical_mean_m: None,
             scored_fixes: 100,
         };
         [better_than_nothing(&position), consistency(&position)]
@@ -496,6 +530,31 @@ mod tests {
         assert!(
             same.0 == Tone::Warn && same.1.starts_with("No better than no filter"),
             "{same:?}"
+        );
+        let heights = |share, mean| {
+            vertical_consistency(&PositionScore {
+                horizontal_rmse_m: 1.0,
+                hold_rmse_m: None,
+                extrapolation_rmse_m: None,
+                inside_95: 1.0,
+                vertical_rmse_m: Some(38.0),
+                vertical_inside_95: Some(share),
+                vertical_mean_m: Some(mean),
+                scored_fixes: 100,
+            })
+        };
+        assert_eq!(heights(0.95, 0.0), None);
+        let far = heights(0.26, 20.0).unwrap();
+        assert!(
+            far.tone == Tone::Bad && far.text.ends_with("20 m too low in the mean."),
+            "{far:?}"
+        );
+        let level = heights(0.0, -37.9).unwrap();
+        assert!(
+            level
+                .text
+                .contains("38 m too high in the mean. It is nearly the same"),
+            "{level:?}"
         );
         let both = score(1.0, 5.0, 0.0);
         assert!(

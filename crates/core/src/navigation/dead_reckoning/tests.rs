@@ -91,6 +91,66 @@ fn a_jump_is_left_out_until_it_has_come_six_times() {
     assert_eq!((filter.position(), filter.current()), (far, current));
 }
 
+/// A vehicle without a log that has done nothing for a minute and then turns with `g` of so much, a fix a second.
+fn turning(acceleration: f64) -> (f64, usize) {
+    let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+    let speed = 15.0;
+    let (mut course, mut place, mut worst, mut gated) = (0.3_f64, Vector2::zeros(), 0.0_f64, 0);
+    for k in 0..2400 {
+        if k % 10 == 0 {
+            let noise = Vector2::new((7.7 * f64::from(k)).sin(), (5.3 * f64::from(k)).cos()) * 0.5;
+            let done = filter.update_position(&(place + noise), 0.5).outcome;
+            gated += usize::from(done == Outcome::Gated);
+            if k > 300 {
+                worst = worst.max((filter.position() - place).norm());
+            }
+        }
+        filter.propagate(0.1).unwrap();
+        let turns = k > 600 && (k / 80) % 2 == 0;
+        course += if turns {
+            acceleration / speed * 0.1
+        } else {
+            0.0
+        };
+        place += Vector2::new(course.cos(), course.sin()) * (speed * 0.1);
+    }
+    (worst, gated)
+}
+
+#[test]
+fn without_a_log_it_follows_a_vehicle_that_turns() {
+    for acceleration in [1.0, 3.0, 6.0] {
+        let (worst, gated) = turning(acceleration);
+        assert!(
+            worst < 6.0 && gated <= 4,
+            "{acceleration}: {worst} m, {gated} gated"
+        );
+    }
+}
+
+#[test]
+fn without_a_log_a_vehicle_that_moves_at_first_is_followed_and_a_log_that_comes_later_explains_its_share()
+ {
+    let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+    let velocity = Vector2::new(30.0, -20.0);
+    for k in 0..60 {
+        let done = filter.update_position(&(velocity * f64::from(k)), STD);
+        assert!(done.outcome.is_fused(), "{k}: {done:?}");
+        filter.propagate(1.0).unwrap();
+    }
+    let before = filter.velocity();
+    assert!((before - velocity).norm() < 1e-3);
+    filter.water_velocity(&Vector2::new(29.0, -20.0)).unwrap();
+    assert!((filter.velocity() - before).norm() < 1e-9);
+    // Where nothing is known of the velocity yet, the log is most of it.
+    let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+    filter.update_position(&Vector2::zeros(), STD);
+    filter.water_velocity(&velocity).unwrap();
+    assert!((filter.velocity() - velocity).norm() < 1e-9);
+    let std = filter.state().covariance.m33.sqrt();
+    assert!((std - 2.0).abs() < 1e-9, "{std}");
+}
+
 #[test]
 fn what_is_no_number_or_no_velocity_stays_out_and_the_position_says_when_it_is_worth_nothing() {
     let mut filter = after(10, true);

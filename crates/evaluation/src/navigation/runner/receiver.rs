@@ -58,19 +58,20 @@ impl Session<'_> {
         self.turns.fix(time_ns, &ned, std.x.max(std.y));
         self.axes.fix(time_ns, &ned, std.x.max(std.y));
         self.counts.zero_std += u64::from(fix.std_m.is_some() && stated(fix.std_m).is_none());
-        let vertical = fix.height_m.is_some();
+        let vertical_std = fix.height_m.map(|_| std.z);
         let latencies = &self.options.parameters.error_state;
         let valid_ns = before(time_ns, latencies.position_latency_s);
         if self.held_out {
             if !self.has_reference {
-                self.score_position(valid_ns, &ned, std.x.max(std.y), vertical);
+                self.score_position(valid_ns, &ned, std.x.max(std.y), vertical_std);
             }
             return;
         }
         self.counts.given += 1;
         self.score(Scored::FixUsed);
         self.remember(valid_ns, &ned);
-        let vertical = vertical && !self.options.without.contains(&AidKind::GnssHeight);
+        let vertical =
+            vertical_std.is_some() && !self.options.without.contains(&AidKind::GnssHeight);
         let stated = stated(fix.std_m).is_some();
         let aid = Aid::Position {
             ned,

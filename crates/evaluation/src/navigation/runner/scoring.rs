@@ -27,8 +27,9 @@ impl Session<'_> {
         });
         self.observer
             .reference(time_ns, &moving.seen_from_the_first(&ned));
-        let std = place.std_m.map_or(0.0, |[north, east, _]| north.max(east));
-        self.score_position(time_ns, &ned, std, place.height_m.is_some());
+        let [north, east, down] = place.std_m.unwrap_or_default();
+        let vertical_std = place.height_m.map(|_| down);
+        self.score_position(time_ns, &ned, north.max(east), vertical_std);
     }
 
     /// Scores at a place where the antenna was at `time_ns`.
@@ -37,7 +38,7 @@ impl Session<'_> {
         time_ns: i64,
         ned: &Vector3<f64>,
         std: f64,
-        vertical: bool,
+        vertical_std: Option<f64>,
     ) {
         let Some(frame) = self.frame.map(|frame| *frame.now()) else {
             return;
@@ -48,7 +49,7 @@ impl Session<'_> {
             frame,
             ned: *ned,
             std,
-            vertical,
+            vertical_std,
             last_fix: self.last_fix,
         };
         self.score(Scored::Position(point));
@@ -74,7 +75,7 @@ impl Session<'_> {
                 horizontal_std: (c.m11 + c.m22).max(0.0).sqrt(),
                 vertical_std: c.m33.max(0.0).sqrt(),
                 truth_std: point.std,
-                vertical: point.vertical,
+                vertical: point.vertical_std.is_some(),
             });
         }
     }

@@ -192,9 +192,45 @@ impl TurnAgreement {
             f64::total_cmp(&a.correlation.abs(), &b.correlation.abs())
         };
         let now = at(near - 1..=near + 1).max_by(clearest);
-        if let Some(now) = now.filter(|now| now.correlation.abs() >= AGREE) {
+        if let Some(now) = now.filter(|now| now.correlation >= AGREE) {
             return wrong_scale(&now);
         }
+        let against = now.filter(|now| now.correlation <= -AGREE);
+        let others = self.another_clock(&gyroscope, &course, stated, now);
+        match (against, others) {
+            (Some(against), clock) => {
+                let all = at(-(gyroscope.len() as i64)..=course.len() as i64);
+                let clock = match clock {
+                    Some((offset_s, correlation)) => format!(
+                        ", or the clock of the inertial samples is {:.0} s {} the receiver's (then correlation {correlation:.2})",
+                        offset_s.abs(),
+                        behind_or_ahead(offset_s),
+                    ),
+                    // Which one, the motion does not say.
+                    None if all.map(|a| a.correlation).fold(0.0, f64::max) >= AGREE => {
+                        ", or the clocks of inertial samples and receiver are apart".to_owned()
+                    }
+                    None => String::new(),
+                };
+                Some(self.against_in_words(&against, &clock))
+            }
+            (None, Some((offset, correlation))) => Some(apart_in_words(offset, correlation)),
+            (None, None) => None,
+        }
+    }
+
+    /// The offset of the clocks (s) with which both clearly agree, better than now, and no other does; and their correlation.
+    fn another_clock(
+        &self,
+        gyroscope: &[f64],
+        course: &[f64],
+        stated: f64,
+        now: Option<Agreement>,
+    ) -> Option<(f64, f64)> {
+        let at =
+            |delays: RangeInclusive<i64>| delays.filter_map(|d| agreement(gyroscope, course, d));
+        let clearest =
+            |a: &Agreement, b: &Agreement| f64::total_cmp(&a.correlation, &b.correlation);
         let all = at(-(gyroscope.len() as i64)..=course.len() as i64);
         let all: Vec<Agreement> = all.filter(|a| a.correlation > 0.0).collect();
         let best = all.iter().copied().max_by(clearest)?;
@@ -215,7 +251,20 @@ impl TurnAgreement {
             beside(best.delay_s + 1),
         ]);
         let offset = stated - (best.delay_s as f64 + top);
-        Some(apart_in_words(offset, best.correlation))
+        Some((offset, best.correlation))
+    }
+
+    /// A sentence about turns that go against each other, with all that it can be.
+    fn against_in_words(&self, now: &Agreement, clock: &str) -> String {
+        let course = match self.has_velocity {
+            true => "north and east of the receiver's velocity",
+            false => "latitude and longitude of the fixes",
+        };
+        format!(
+            "The gyroscope turns against the course over ground (correlation {:.2}): the gyroscope's axes are mirrored or its signs \
+             exchanged, or those of the accelerometer, which says where up is, or {course} are exchanged{clock}.",
+            now.correlation,
+        )
     }
 }
 
@@ -229,9 +278,13 @@ fn top_of([before, middle, after]: [f64; 3]) -> f64 {
     }
 }
 
+const fn behind_or_ahead(offset_s: f64) -> &'static str {
+    if offset_s < 0.0 { "behind" } else { "ahead of" }
+}
+
 /// A sentence about clocks that are so many seconds apart; the inertial samples' is ahead.
 fn apart_in_words(offset_s: f64, correlation: f64) -> String {
-    let way = if offset_s < 0.0 { "behind" } else { "ahead of" };
+    let way = behind_or_ahead(offset_s);
     let offset_s = offset_s.abs();
     format!(
         "The clock of the inertial samples is {offset_s:.0} s {way} the receiver's: with that taken out, the turns of the \
@@ -239,15 +292,8 @@ fn apart_in_words(offset_s: f64, correlation: f64) -> String {
     )
 }
 
-/// A sentence about turns that agree in time, but not in size or sign.
+/// A sentence about turns that agree in time, but not in size.
 fn wrong_scale(now: &Agreement) -> Option<String> {
-    if now.correlation < 0.0 {
-        return Some(
-            "The gyroscope turns against the course: its axes are mirrored, its signs exchanged, or it is mounted upside \
-             down without its accelerometer."
-                .to_owned(),
-        );
-    }
     (now.scale > DEGREES).then(|| {
         format!(
             "The gyroscope turns {:.0} times as far as the course: its rates are in degrees per second; say --gyroscope-unit \
@@ -344,7 +390,14 @@ mod tests {
             "{issue}"
         );
         let issue = drive(0.0, -1.0, false).issue().unwrap();
-        assert!(issue.contains("mirrored"), "{issue}");
+        assert!(
+            issue.contains("mirrored") && !issue.contains("clock"),
+            "{issue}"
+        );
+        assert!(
+            issue.contains("north and east of the receiver's velocity"),
+            "{issue}"
+        );
     }
 
     #[test]
