@@ -42,6 +42,8 @@ pub(crate) enum TimeForm {
     Decimal(i32),
     /// A date and a time of day.
     DateTime,
+    /// A time of day alone.
+    TimeOfDay,
     /// A date in the column of the time stamps, and the time of day in this one.
     DateAndTime(usize),
     /// The GPS week in the column of the time stamps, and the seconds of it in this one; told as GPS time.
@@ -141,7 +143,7 @@ impl Layout {
     /// The columns of the time stamps.
     pub(crate) fn time_columns(&self) -> Vec<usize> {
         match self.time_form {
-            TimeForm::Decimal(_) | TimeForm::DateTime => vec![self.time],
+            TimeForm::Decimal(_) | TimeForm::DateTime | TimeForm::TimeOfDay => vec![self.time],
             TimeForm::DateAndTime(second) | TimeForm::GpsWeek(second) => vec![self.time, second],
             TimeForm::Rate(_) => Vec::new(),
         }
@@ -164,6 +166,8 @@ pub(crate) struct DelimitedSource {
     row: Vec<Event>,
     /// Stamp of the row before.
     previous_ns: Option<i64>,
+    /// Midnights since the first row, of times of day.
+    midnights: i64,
     /// Rows taken so far.
     taken: u64,
 }
@@ -176,6 +180,7 @@ impl DelimitedSource {
             record: ByteRecord::new(),
             row: Vec::new(),
             previous_ns: None,
+            midnights: 0,
             taken: 0,
         }
     }
@@ -213,6 +218,10 @@ impl Pieces for DelimitedSource {
             issues.rows_without_stamp += 1;
             return Ok(true);
         };
+        let time_ns = match self.layout.time_form {
+            TimeForm::TimeOfDay => behind_midnight(time_ns, self.previous_ns, &mut self.midnights),
+            _ => time_ns,
+        };
         let interval_ns = self
             .previous_ns
             .replace(time_ns)
@@ -225,6 +234,16 @@ impl Pieces for DelimitedSource {
         }
         Ok(true)
     }
+}
+
+/// A time of day as one that goes on behind midnight: one more day where it is half a day or more before the row before it.
+fn behind_midnight(time_ns: i64, previous_ns: Option<i64>, midnights: &mut i64) -> i64 {
+    const DAY_NS: i64 = 86_400_000_000_000;
+    let on = |midnights: i64| time_ns.saturating_add(midnights.saturating_mul(DAY_NS));
+    if previous_ns.is_some_and(|previous| on(*midnights) < previous.saturating_sub(DAY_NS / 2)) {
+        *midnights += 1;
+    }
+    on(*midnights)
 }
 
 /// One row, seen through the layout.
@@ -244,6 +263,7 @@ pub(crate) struct Cells<'a> {
 const GPS_EPOCH_S: i64 = 315_964_800;
 const WEEK_S: i64 = 604_800;
 const WEEK: &str = "a GPS week, with seconds of the week beside it";
+const CLOCK: &str = "a time of day, e.g. 23:59:59.5";
 const DATE: &str = "a date and a time of day, e.g. 2014-08-01T00:00:00.186Z";
 const DECIMAL: &str = "a time stamp (a decimal number, at most 146 years of nanoseconds)";
 
@@ -281,6 +301,7 @@ impl<'a> Cells<'a> {
                     WEEK,
                 )
             }
+            TimeForm::TimeOfDay => (stamp::parse_time_of_day(cell), CLOCK),
             TimeForm::DateTime | TimeForm::Rate(_) => (stamp::parse_date_time(cell), DATE),
         };
         parsed

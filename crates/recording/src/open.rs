@@ -405,6 +405,13 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     {
         return Ok(Format::Csv);
     }
+    if header.contains(';') && csv::recognises(&header.replace(';', ",")) {
+        return Err(RecordingError::unsupported(
+            file,
+            "our column names, but separated by `;`; expected commas between cells and points in numbers, or a manifest, which \
+             `northing describe` drafts",
+        ));
+    }
     if kf_gins::Table::of(text).is_some() {
         return Ok(Format::KfGins);
     }

@@ -32,15 +32,16 @@ pub(crate) fn parse_ns(text: &[u8], exponent: i32) -> Option<i64> {
 }
 
 /// How dates and times of day are written without a zone. Years stand first or months are named, so that no day can be
-/// taken for a month.
-const DATES: [&str; 3] = [
+/// taken for a month; with points between them the day does (`01.08.2014`).
+const DATES: [&str; 4] = [
     "%Y-%m-%dT%H:%M:%S%.f",
     "%Y/%m/%dT%H:%M:%S%.f",
     "%d-%b-%YT%H:%M:%S%.f",
+    "%d.%m.%YT%H:%M:%S%.f",
 ];
 
 /// Nanoseconds since 1970 of a date and a time of day: `2014-08-01T00:00:00.186Z`, with a blank for the
-/// `T`, with another zone or without one (UTC), `2014/08/01 00:00:00.186` or `01-Aug-2014 00:00:00.186`.
+/// `T`, with another zone or without one (UTC), `2014/08/01 00:00:00.186`, `01-Aug-2014 00:00:00.186` or `01.08.2014 00:00:00.186`.
 pub(crate) fn parse_date_time(text: &[u8]) -> Option<i64> {
     /// More characters have no part in a time.
     const LONGEST: usize = 48;
@@ -58,6 +59,15 @@ pub(crate) fn parse_date_time(text: &[u8]) -> Option<i64> {
         |date| date.timestamp_nanos_opt(),
     )?;
     (ns.unsigned_abs() <= i64::MAX as u64 / 2).then_some(ns)
+}
+
+/// Nanoseconds since midnight of a time of day: `23:59:59.5`.
+pub(crate) fn parse_time_of_day(text: &[u8]) -> Option<i64> {
+    let text = text.trim_ascii();
+    if !text.contains(&b':') {
+        return None;
+    }
+    parse_date_time(&[b"1970-01-01 ", text].concat())
 }
 
 /// `mantissa * 10^exponent`; digits beyond the nineteenth are cut, which is below a nanosecond for
@@ -136,7 +146,9 @@ pub(crate) fn format_s(nanoseconds: i64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{NANOSECONDS, SECONDS, format_s, from_seconds, parse_date_time, parse_ns};
+    use super::{
+        NANOSECONDS, SECONDS, format_s, from_seconds, parse_date_time, parse_ns, parse_time_of_day,
+    };
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
@@ -191,6 +203,7 @@ mod tests {
             "2014-08-01 00:00:00.186000+00:00",
             "2014/08/01 00:00:00.186",
             "01-Aug-2014 00:00:00.186",
+            "01.08.2014 00:00:00.186",
         ] {
             let ns = parse_date_time(text.as_bytes());
             assert_eq!(ns, Some(1_406_851_200_186_000_000), "{text}");
@@ -204,6 +217,10 @@ mod tests {
             "01/08/2014 00:00:00",
         ] {
             assert_eq!(parse_date_time(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(parse_time_of_day(b" 23:59:59.5 "), Some(86_399_500_000_000));
+        for text in ["", "12", "24:00:00", "01.08.2014 12:00:00"] {
+            assert_eq!(parse_time_of_day(text.as_bytes()), None, "{text}");
         }
     }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 use northing_evaluation::RunEstimator;
+use northing_evaluation::navigation::NavigationKind;
 use northing_recording::{Contents, Issues, Metadata, SensorContents, SensorKind, WorldFrame};
 use serde::Serialize;
 
@@ -160,7 +161,15 @@ fn to_run(info: &Info) -> String {
     let has = |sensor| sensors.contains(&sensor);
     let mut commands = Vec::new();
     let chosen = RunEstimator::of_recording(None, &sensors);
-    if has(SensorKind::Gyroscope) || chosen.is_some() {
+    if let Some(RunEstimator::Navigation(NavigationKind::DeadReckoning)) = chosen {
+        // Columns of a gyroscope may stand there, and be empty.
+        commands.push(format!(
+            "{} run {} --estimator {}",
+            called(),
+            info.recording,
+            NavigationKind::DeadReckoning
+        ));
+    } else if has(SensorKind::Gyroscope) || chosen.is_some() {
         commands.push(format!("{} run {}", called(), info.recording));
     }
     let inertial = has(SensorKind::Gyroscope) && has(SensorKind::Accelerometer);

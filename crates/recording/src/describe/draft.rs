@@ -92,7 +92,11 @@ impl Described {
         };
         // What the readers say of what is no table is better.
         let table = match Table::read(path) {
-            Err(RecordingError::NotARecording { .. }) => return Err(error),
+            Err(few @ RecordingError::NotARecording { .. }) => {
+                // What our own columns should be called is no help here.
+                let is_of_columns = matches!(error, RecordingError::MissingColumns { .. });
+                return Err(if is_of_columns { few } else { error });
+            }
             table => table?,
         };
         file.groups = names::groups(&table.columns, &stem(path));
@@ -414,7 +418,8 @@ impl Described {
             fit.tells().then_some((group, fit))
         });
         let (group, fit) = fits.max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;
-        rate_of_rows(group.unit, fit)
+        let without = self.time.as_ref().map_or("", |time| &time.without);
+        rate_of_rows(without, group.unit, fit)
     }
 
     /// The rate of rows without time stamps: the user's, or that at which gravity turns as the gyroscope says.
@@ -433,9 +438,12 @@ impl Described {
             None => self.rate_by_turns(),
         };
         let Some((rate_hz, found)) = found else {
+            let without = self.time.as_ref().map_or("", |time| &time.without);
             return Err(RecordingError::unsupported(
                 self.path.display().to_string(),
-                "no column of time stamps, and no turns of gravity that tell the rate of its rows; say it: `northing describe FILE --rate HZ`",
+                format!(
+                    "{without}, and there are no turns of gravity that tell the rate of its rows; say it: `northing describe FILE --rate HZ`"
+                ),
             ));
         };
         if let Some(time) = &mut self.time {

@@ -57,7 +57,7 @@ pub(super) struct Group {
 }
 
 /// Spellings of units, and the name that a manifest has for each; those that it has none for begin with `!`.
-const UNITS: [(&str, &[&str]); 27] = [
+const UNITS: [(&str, &[&str]); 28] = [
     (
         "rad-per-s",
         &[
@@ -117,6 +117,7 @@ const UNITS: [(&str, &[&str]); 27] = [
         &["m/s", "m_s", "mps", "m s^-1", "m s-1", "m_per_s"],
     ),
     ("mm", &["mm"]),
+    ("ft", &["ft", "feet", "foot"]),
     ("m", &["m", "meters", "metres", "meter"]),
     ("!uncalibrated", &["a.u.", "au", "lsb", "counts", "raw"]),
     ("!other", &["°c", "degc", "c", "%", "v", "hz", "k"]),

@@ -84,7 +84,7 @@ fn position(mut columns: Columns<'_>) -> Option<Section> {
     let told = columns
         .told(latitude)
         .filter(|unit| matches!(*unit, "deg" | "rad" | "1e-7-deg"));
-    let (unit, why, confidence) = match told {
+    let (unit, mut why, mut confidence) = match told {
         Some(unit) => (
             unit,
             format!("named so, in {unit} by the header"),
@@ -109,10 +109,21 @@ fn position(mut columns: Columns<'_>) -> Option<Section> {
         None => return None,
     };
     columns.lines.push(format!("unit = \"{unit}\""));
-    if let Some(height) = columns.put("height", Single::Height)
-        && columns.told(height) == Some("mm")
-    {
-        columns.lines.push("height_unit = \"mm\"".to_owned());
+    if let Some(height) = columns.put("height", Single::Height) {
+        /// No receiver of ours is higher, m.
+        const HIGHEST_M: f64 = 60_000.0;
+        let told = columns
+            .told(height)
+            .filter(|told| matches!(*told, "mm" | "ft"));
+        let highest = columns.largest(height);
+        let unit = told.or_else(|| (highest > HIGHEST_M).then_some("mm"));
+        if told.is_none() && unit.is_some() {
+            why.push_str("; heights as large as millimetres");
+            confidence = Confidence::Likely;
+        }
+        columns
+            .lines
+            .extend(unit.map(|unit| format!("height_unit = \"{unit}\"")));
     }
     let std = [Single::StdNorth, Single::StdEast, Single::StdVertical];
     let accuracy = [Single::HorizontalAccuracy, Single::VerticalAccuracy];

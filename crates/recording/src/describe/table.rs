@@ -1,6 +1,7 @@
 //! The form of a table of text: what separates its cells, where its rows begin, what its columns are called, and the
 //! numbers in them.
 
+use std::collections::VecDeque;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -319,7 +320,12 @@ struct Lines {
     input: BufReader<std::io::Take<Input>>,
     file: String,
     line: Vec<u8>,
+    /// Lines that were read ahead for the end of a quotation that did not come.
+    ahead: VecDeque<String>,
 }
+
+/// A quotation in a cell goes over so many lines at most.
+const QUOTED_LINES: usize = 8;
 
 impl Lines {
     fn open(path: &Path, file: &str) -> Result<Self> {
@@ -327,11 +333,39 @@ impl Lines {
             input: BufReader::with_capacity(1 << 16, open_table(path, file)?.take(MOST_BYTES)),
             file: file.to_owned(),
             line: Vec::new(),
+            ahead: VecDeque::new(),
         })
     }
 
-    /// The next line; `None` at the end.
+    /// The next row: a line, or more of them where a quotation goes on; `None` at the end.
     fn next(&mut self) -> Result<Option<String>> {
+        let Some(mut row) = self.line()? else {
+            return Ok(None);
+        };
+        let is_open = |row: &str| row.matches('"').count() % 2 == 1;
+        let mut more = Vec::new();
+        while is_open(&row) && more.len() + 1 < QUOTED_LINES {
+            let Some(line) = self.line()? else {
+                break;
+            };
+            row.push_str(&line);
+            more.push(line);
+        }
+        if is_open(&row) && !more.is_empty() {
+            // No quotation, but the sign itself.
+            row.truncate(row.len() - more.iter().map(String::len).sum::<usize>());
+            more.into_iter()
+                .rev()
+                .for_each(|line| self.ahead.push_front(line));
+        }
+        Ok(Some(row))
+    }
+
+    /// The next line; `None` at the end.
+    fn line(&mut self) -> Result<Option<String>> {
+        if let Some(line) = self.ahead.pop_front() {
+            return Ok(Some(line));
+        }
         if !read_line(&mut self.input, LINE.most + 1, &mut self.line, &self.file)? {
             return Ok(None);
         }

@@ -4,6 +4,7 @@ use super::names::{Single, single, unit};
 use super::table::{Column, Table, is_date, is_time_of_day};
 use super::turns::{Fit, median};
 use super::{Confidence, Found};
+use crate::error::shown;
 use crate::stamp;
 
 /// The time of a table.
@@ -17,6 +18,8 @@ pub(super) struct Time {
     pub(super) seconds: Vec<f64>,
     /// Of rows that are counted, once it is known.
     pub(super) rate_hz: Option<f64>,
+    /// Without stamps: why what looks like a time is none, or that nothing does.
+    pub(super) without: String,
     /// How it was found.
     pub(super) found: Found,
 }
@@ -55,6 +58,7 @@ impl Time {
             unit: "",
             seconds: (0..table.rows).map(|row| row as f64).collect(),
             rate_hz: None,
+            without: without_stamps(table),
             found: Found::new(
                 "no column whose numbers grow as time does",
                 Confidence::Assumed,
@@ -74,11 +78,14 @@ impl Time {
         let columns = if let Some(place) = text.iter().copied().find(|place| whole(place)) {
             vec![place]
         } else {
-            let date = text.iter().copied().find(|place| is_date(first(*place)))?;
+            let date = text.iter().copied().find(|place| is_date(first(*place)));
             let clock = text
                 .iter()
                 .copied()
                 .find(|place| is_time_of_day(first(*place)))?;
+            let Some(date) = date else {
+                return Some(Self::time_of_day(table, clock));
+            };
             vec![date, clock]
         };
         let what = match columns.len() {
@@ -96,8 +103,34 @@ impl Time {
             columns,
             unit: "date-time",
             rate_hz: None,
+            without: String::new(),
             found: Found::new(what, Confidence::Certain),
         })
+    }
+
+    /// Times of day in one column.
+    fn time_of_day(table: &Table, place: usize) -> Self {
+        const DAY_S: f64 = 86_400.0;
+        let (mut midnights, mut before) = (0.0, f64::NEG_INFINITY);
+        let on = |clock: &f64| {
+            if clock + midnights * DAY_S < before - 0.5 * DAY_S {
+                midnights += 1.0;
+            }
+            let seconds = clock + midnights * DAY_S;
+            before = if seconds.is_finite() { seconds } else { before };
+            seconds
+        };
+        Self {
+            seconds: table.columns[place].dates.iter().map(on).collect(),
+            columns: vec![place],
+            unit: "time-of-day",
+            rate_hz: None,
+            without: String::new(),
+            found: Found::new(
+                "it holds times of day; of which day is not said",
+                Confidence::Certain,
+            ),
+        }
     }
 
     /// A column of numbers.
@@ -125,9 +158,33 @@ impl Time {
             unit,
             seconds: times.collect(),
             rate_hz: None,
+            without: String::new(),
             found,
         })
     }
+}
+
+/// Why a table has no stamps: what is called a time, or looks like one, and why it is none.
+fn without_stamps(table: &Table) -> String {
+    let called = (table.columns.iter().enumerate())
+        .find(|(_, column)| single(&column.name) == Some(Single::Time));
+    let Some((place, column)) = called else {
+        return "no column of time stamps".to_owned();
+    };
+    let name = table.shown(place);
+    if column.words * 2 > table.rows {
+        return format!(
+            "column `{name}` is called a time, but `{}` is none that can be read (of a date it must be clear which number is the month)",
+            shown(&column.first)
+        );
+    }
+    let finite = column.numbers.iter().filter(|x| x.is_finite()).count();
+    if finite * 2 < table.rows {
+        return format!("column `{name}` is called a time, but is empty in most rows");
+    }
+    format!(
+        "column `{name}` is called a time, but its numbers do not go on from row to row: they repeat, go back or count rows"
+    )
 }
 
 /// How many different numbers there are, where they grow.
@@ -219,7 +276,7 @@ fn time_unit(
 
 /// The rate of rows without time stamps by the turns of gravity, where the time of a row is taken as 1: the gyroscope's
 /// unit is that of the header, or the one with which the rate is a sensor's.
-pub(super) fn rate_of_rows(unit: Option<&str>, fit: Fit) -> Option<(f64, Found)> {
+pub(super) fn rate_of_rows(without: &str, unit: Option<&str>, fit: Fit) -> Option<(f64, Found)> {
     const RATES_HZ: std::ops::Range<f64> = 20.0..2000.0;
     let of_unit = |unit: &str| match unit {
         "deg-per-s" => 1_f64.to_radians() / fit.factor,
@@ -235,7 +292,7 @@ pub(super) fn rate_of_rows(unit: Option<&str>, fit: Fit) -> Option<(f64, Found)>
     let digits = 10_f64.powi(2 - rate_hz.log10().floor() as i32);
     let rate_hz = (rate_hz * digits).round() / digits;
     let why = format!(
-        "no column of time stamps; at this rate of the rows gravity turns as the gyroscope says, which is good to some per \
+        "{without}; at this rate of the rows gravity turns as the gyroscope says, which is good to some per \
          cent ({:.1} % by noise alone): put in the true rate, or say it with --rate",
         300.0 * fit.std / fit.factor
     );

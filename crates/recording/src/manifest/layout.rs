@@ -133,7 +133,7 @@ impl LayoutBuilder<'_> {
         match (&time.column, &time.columns, time.unit, time.rate_hz) {
             (Some(column), None, Some(unit), None) => Ok((self.column(column)?, time_form(unit))),
             (Some(_), None, None, None) => {
-                wrong("missing key `unit`: one of s, ms, us, ns, date-time")
+                wrong("missing key `unit`: one of s, ms, us, ns, date-time, time-of-day")
             }
             (None, Some([date, time_of_day]), None | Some(TimeUnit::DateTime), None) => {
                 let form = TimeForm::DateAndTime(self.column(time_of_day)?);
@@ -249,6 +249,7 @@ fn time_form(unit: TimeUnit) -> TimeForm {
         TimeUnit::Us => TimeForm::Decimal(3),
         TimeUnit::Ns => TimeForm::Decimal(0),
         TimeUnit::DateTime => TimeForm::DateTime,
+        TimeUnit::TimeOfDay => TimeForm::TimeOfDay,
     }
 }
 

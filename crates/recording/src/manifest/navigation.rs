@@ -60,6 +60,8 @@ units! {
         M = "m" => 1.0,
         /// Millimetres.
         Mm = "mm" => 1e-3,
+        /// Feet.
+        Ft = "ft" => 0.3048,
     }
 }
 

@@ -251,9 +251,12 @@ pub enum TimeUnit {
     /// Nanoseconds.
     Ns,
     /// A date and a time of day, `2014-08-01T00:00:00.186Z`, with a blank for the `T`, `2014/08/01 00:00:00.186` or
-    /// `01-Aug-2014 00:00:00.186`; without a zone it is UTC.
+    /// `01-Aug-2014 00:00:00.186` or `01.08.2014 00:00:00.186`; without a zone it is UTC.
     #[serde(rename = "date-time")]
     DateTime,
+    /// A time of day alone, `23:59:59.5`; behind midnight the next day goes on.
+    #[serde(rename = "time-of-day")]
+    TimeOfDay,
 }
 
 /// Unit of a table's angular rates.

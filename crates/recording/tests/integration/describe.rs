@@ -606,3 +606,87 @@ fn a_table_without_a_sensor_is_left_out_of_the_draft_and_said() {
     );
     assert_eq!(recording.unwrap().map(Result::unwrap).count(), 1000);
 }
+
+#[test]
+fn times_of_day_and_dates_with_the_day_first_are_read_with_their_holes() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = recording(&mut Random(11), 100.0, 20.0);
+    // Ten seconds are missing, and midnight is between.
+    let clock = |k: usize| {
+        let s = 86_390.0 + k as f64 * 0.01 + if k < 500 { 0.0 } else { 10.0 };
+        let of_day = s % 86_400.0;
+        let (h, m) = ((of_day / 3600.0).floor(), (of_day / 60.0).floor() % 60.0);
+        (
+            s >= 86_400.0,
+            format!("{h:02}:{m:02}:{:06.3}", of_day % 60.0),
+        )
+    };
+    let dates = |k: usize| {
+        let (is_next, clock) = clock(k);
+        format!("{}.03.2025 {clock}", if is_next { "02" } else { "01" })
+    };
+    let forms: [(&str, &dyn Fn(usize) -> String, &str); 3] = [
+        ("time", &|k| clock(k).1, "time-of-day"),
+        ("Datum", &dates, "date-time"),
+        // Which number is the month nobody knows; the clock is enough.
+        (
+            "Date,Time",
+            &|k| format!("03/04/2025,{}", clock(k).1),
+            "time-of-day",
+        ),
+    ];
+    for (header, time, unit) in forms {
+        let (draft, events) = read(folder.path(), "a.csv", &slow(header, &rows, time), None);
+        assert!(
+            draft.manifest.contains(&format!("unit = \"{unit}\"")),
+            "{}",
+            draft.manifest
+        );
+        let seconds = (events[events.len() - 1].time_ns - events[0].time_ns) as f64 * 1e-9;
+        assert!(
+            (seconds - (rows.len() as f64 - 1.0) * 0.01 - 10.0).abs() < 1e-6,
+            "{header}: {seconds}"
+        );
+    }
+    // What is called a time and is none is said.
+    for (time, why) in [
+        (
+            "03/04/2025 12:00:00",
+            "is called a time, but `03/04/2025 12:00:00` is none that can be read",
+        ),
+        ("7", "is called a time, but its numbers do not go on"),
+    ] {
+        let (text, _) = draft_of(folder.path(), &slow("time", &rows, |_| time.to_owned()));
+        assert!(text.contains("rate_hz =") && text.contains(why), "{text}");
+    }
+}
+
+#[test]
+fn cells_with_a_line_inside_and_heights_in_feet_or_millimetres_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = |header: &str, height: &str, factor: f64| {
+        let rows = (0..20).map(|k| {
+            let at = |degrees: f64| (degrees + 1e-5 * f64::from(k)) * factor;
+            format!(
+                "{k},{},{},{height},\"$GPGGA,{k},0*63\r\n\"\n",
+                at(47.0),
+                at(8.5)
+            )
+        });
+        format!(
+            "t,latitude,longitude,{header},raw\n{}",
+            rows.collect::<String>()
+        )
+    };
+    let height = |header: &str, height: &str, factor: f64| {
+        let (draft, events) = read(folder.path(), "a.csv", &text(header, height, factor), None);
+        assert_eq!(events.len(), 20, "{}", draft.manifest);
+        match &events[3].sample {
+            Sample::GnssPosition(fix) => fix.height_m.unwrap(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert!((height("alt", "300", 1.0) - 300.0).abs() < 1e-9);
+    assert!((height("alt_ft", "1000", 1.0) - 304.8).abs() < 1e-9);
+    assert!((height("hMSL", "300123", 1e7) - 300.123).abs() < 1e-9);
+}

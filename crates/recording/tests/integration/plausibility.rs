@@ -209,3 +209,29 @@ fn all_zero_and_non_finite_vectors_say_nothing_about_units() {
         assert_eq!(error(odd), None);
     }
 }
+
+#[test]
+fn acceleration_without_gravity_is_refused_and_said() {
+    let still = error(recording(RESTING, [1.0, 0.008, 1.0], &DEFAULT())).unwrap();
+    assert!(
+        still.contains(
+            "is 0.078, expected about 9.8 m/s^2; this looks like acceleration without gravity"
+        ),
+        "{still}"
+    );
+    // Of a hand that shakes it may be either.
+    let shaken = error(recording(TURNING, [1.0, 0.15, 1.0], &DEFAULT())).unwrap();
+    assert!(
+        shaken.contains("looks like g, or like acceleration without gravity")
+            && shaken.contains("--accelerometer-unit g"),
+        "{shaken}"
+    );
+    let insisted = OpenOptions {
+        accelerometer_unit: Some(ForceUnit::MPerS2),
+        ..DEFAULT()
+    };
+    assert_eq!(
+        error(recording(RESTING, [1.0, 0.008, 1.0], &insisted)),
+        None
+    );
+}

@@ -178,3 +178,76 @@ fn late_and_repeated_stamps_are_dropped_and_counted() {
         "{told}"
     );
 }
+
+#[test]
+fn a_velocity_with_its_columns_exchanged_or_in_another_unit_is_told() {
+    let exchanged = RIGHT.replace("[4, 5, 6]", "[5, 4, 6]");
+    let text = error_of(read(&drive(47.4, 8.5), &exchanged));
+    assert!(
+        text.contains("north and east of the velocity look swapped"),
+        "{text}"
+    );
+    for (unit, ratio, name) in [
+        (0.514_444, "0.51 times", "knots"),
+        (1.0 / 3.6, "0.28 times", "km/h"),
+        (0.447_04, "0.45 times", "miles an hour"),
+        (0.01, "0.01 times", "cm/s"),
+    ] {
+        let mut rows = drive(47.4, 8.5);
+        for row in &mut rows {
+            row[3] /= unit;
+            row[4] /= unit;
+        }
+        let text = error_of(read(&rows, RIGHT));
+        assert!(
+            text.contains(&format!(
+                "the fixes go {ratio} as far as the receiver's own velocity"
+            )) && text.contains(&format!("looks like {name} under the name of m/s")),
+            "{text}"
+        );
+    }
+}
+
+/// A drive over hills of 60 m: what is said of heights and a velocity down that is `factor` times the right one, and `more` beside.
+fn over_hills(factor: f64, more: f64) -> Result<Vec<String>, String> {
+    let height = |t: f64| 400.0 + 30.0 * (0.2 * t).sin();
+    let text: String = drive(47.4, 8.5)
+        .iter()
+        .map(|[t, lat, lon, n, e]| {
+            let down = -6.0 * (0.2 * (t + 0.5)).cos() * factor + more;
+            let noise = 0.8 * (7.7 * t).sin();
+            format!(
+                "{t},{lat:.12},{lon:.12},{n},{e},{down},{}\n",
+                height(*t) + noise
+            )
+        })
+        .collect();
+    let manifest = "time = { column = 1, unit = \"s\" }\nheader = false\n\
+                    gnss_position = { latitude = 2, longitude = 3, height = 7 }\n\
+                    gnss_velocity = { columns = [4, 5, 6] }\n";
+    let recording = manifest::read_bytes(
+        manifest,
+        text.into_bytes(),
+        "drive.csv",
+        &OpenOptions::default(),
+    );
+    let mut recording = recording.unwrap();
+    match recording.find_map(Result::err) {
+        Some(error) => Err(error.to_string()),
+        None => Ok(recording.issues().sentences()),
+    }
+}
+
+#[test]
+fn a_velocity_down_that_is_up_is_told_and_one_that_is_off_is_said() {
+    assert_eq!(over_hills(1.0, 0.0), Ok(Vec::new()));
+    let up = over_hills(-1.0, 0.0).unwrap_err();
+    assert!(up.contains("looks as if up were positive"), "{up}");
+    let off = over_hills(0.0, 2.0).unwrap();
+    assert!(
+        off.len() == 1
+            && off[0].contains("velocity goes 1")
+            && off[0].contains("m down where its heights go"),
+        "{off:?}"
+    );
+}
