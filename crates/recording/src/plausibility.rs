@@ -1,5 +1,5 @@
 //! Detects units that cannot be: degrees for radians, g for m/s^2, gauss or tesla for microtesla; and
-//! places that cannot be (`plausibility/position.rs`).
+//! places that cannot be (`plausibility/position.rs`), and a gyroscope with reversed signs (`plausibility/turn_sign.rs`).
 //!
 //! Streaming, constant memory. The accelerometer and the magnetometers are judged by the median
 //! norm of their first two seconds. The gyroscope is judged by what the accelerometer sees of the
@@ -9,11 +9,13 @@
 //! numbers fit both, passes.
 
 mod position;
+mod turn_sign;
 mod vertical;
 
 use nalgebra::Vector3;
 use northing_core::geometry::so3;
 use position::PositionCheck;
+use turn_sign::TurnSign;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
@@ -47,6 +49,7 @@ pub struct Plausibility {
     /// Those that are not over.
     norms: Vec<NormCheck>,
     rate: Option<RateCheck>,
+    sign: Option<TurnSign>,
     position: Option<PositionCheck>,
 }
 
@@ -75,6 +78,7 @@ impl Plausibility {
         Self {
             norms: checked.map(|(kind, _)| NormCheck::new(*kind)).collect(),
             rate: rate.then(RateCheck::default),
+            sign: rate.then(TurnSign::default),
             position: options.plausibility.then(PositionCheck::default),
         }
     }
@@ -125,6 +129,13 @@ impl Plausibility {
             && self.norms[at].norms.add(time_ns, vector.norm())
         {
             self.norms.remove(at).judge()?;
+        }
+        if let Some(check) = &mut self.sign {
+            match sensor {
+                SensorKind::Gyroscope => check.turn(time_ns, vector),
+                SensorKind::Accelerometer => check.see(time_ns, vector)?,
+                _ => {}
+            }
         }
         match (sensor, &mut self.rate) {
             (SensorKind::Gyroscope, Some(check)) => check.turn(time_ns, vector),

@@ -211,6 +211,31 @@ fn all_zero_and_non_finite_vectors_say_nothing_about_units() {
 }
 
 #[test]
+fn a_gyroscope_that_turns_against_gravity_is_refused() {
+    // The hand turns it over; at rest both signs fit.
+    let reversed = error(recording(TURNING, [-1.0, 1.0, 1.0], &DEFAULT())).unwrap();
+    assert!(
+        reversed.contains("gravity turns the other way")
+            && reversed.contains("--gyroscope-unit rad-per-s"),
+        "{reversed}"
+    );
+    assert_eq!(
+        error(recording(RESTING, [-1.0, 1.0, 1.0], &DEFAULT())),
+        None
+    );
+    // Forces of the other sign turn as gravity does: the accelerometer is upside down, which nothing here tells.
+    assert_eq!(
+        error(recording(TURNING, [1.0, -1.0, 1.0], &DEFAULT())),
+        None
+    );
+    let insisted = OpenOptions {
+        gyroscope_unit: Some(RateUnit::RadPerS),
+        ..DEFAULT()
+    };
+    assert_eq!(error(recording(TURNING, [-1.0, 1.0, 1.0], &insisted)), None);
+}
+
+#[test]
 fn acceleration_without_gravity_is_refused_and_said() {
     let still = error(recording(RESTING, [1.0, 0.008, 1.0], &DEFAULT())).unwrap();
     assert!(

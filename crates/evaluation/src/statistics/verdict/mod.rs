@@ -66,6 +66,8 @@ struct Channel {
     samples: u64,
     /// Samples that are the one before to the last digit.
     repeated: u64,
+    /// Of samples between which the device turned by more than steps and noise hide: those that are the one before, and all.
+    held: [u64; 2],
 }
 
 /// What watches the innovations of one sensor.
@@ -136,6 +138,8 @@ pub struct Diagnosis {
     gravity: Length,
     /// Mean strength of the field, microtesla.
     strength: Length,
+    /// Stamp of the last field, ns.
+    last_field_ns: Option<i64>,
 }
 
 /// The length of a vector that should keep it.
@@ -143,6 +147,8 @@ pub struct Diagnosis {
 struct Length {
     mean: f64,
     count: u64,
+    /// Sum of the squared differences from the mean.
+    spread: f64,
     newest: f64,
     products: f64,
     squares: f64,
@@ -162,13 +168,20 @@ impl Length {
         let before = self.newest - self.mean;
         self.newest = length;
         self.count += 1;
-        self.mean += (length - self.mean) / self.count as f64;
+        let off = length - self.mean;
+        self.mean += off / self.count as f64;
+        self.spread += off * (length - self.mean);
         if self.count > Self::FEWEST {
             let now = length - self.mean;
             let square = 0.5 * (now * now + before * before);
             self.products += (now * before - self.products) * Self::NEWEST;
             self.squares += (square - self.squares) * Self::NEWEST;
         }
+    }
+
+    /// Its standard deviation over the run.
+    fn std(&self) -> f64 {
+        (self.spread / self.count.max(1) as f64).sqrt()
     }
 
     /// Whether it is off just now, by more than noise makes it.
@@ -217,6 +230,7 @@ impl Diagnosis {
             }
             Sample::MagneticField(field) | Sample::MagneticFieldUncalibrated(field) => {
                 self.strength.add(field.norm());
+                self.hold(time_ns, field);
                 let saturated = self
                     .magnetometer
                     .add(time_ns, field, sample, BEYOND_FIELD * self.strength.mean)
@@ -226,6 +240,25 @@ impl Diagnosis {
                     .note(Condition::MagnetometerSaturated, saturated, time_ns);
             }
             _ => {}
+        }
+    }
+
+    /// Whether a magnetometer shows the same field although the device turned.
+    fn hold(&mut self, time_ns: i64, field: &Vector3<f64>) {
+        /// A turn is seen where it moves the field by so many steps of its values.
+        const STEPS: f64 = 3.0;
+        /// Steps smaller than this are not looked for, microtesla.
+        const SMALLEST_UT: f64 = 0.05;
+        let Some(before_ns) = self.last_field_ns.replace(time_ns) else {
+            return;
+        };
+        let passed_s = crate::statistics::seconds_between(before_ns, time_ns);
+        let rate = self.gyroscope.last.map_or(0.0, |rate| rate.norm());
+        let step = self.magnetometer.resolution.step(SensorKind::Magnetometer);
+        if rate * passed_s * field.norm() > STEPS * step.unwrap_or(SMALLEST_UT) {
+            let is_same = self.magnetometer.last == Some(*field);
+            self.magnetometer.held[0] += u64::from(is_same);
+            self.magnetometer.held[1] += 1;
         }
     }
 

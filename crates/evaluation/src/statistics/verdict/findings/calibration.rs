@@ -12,6 +12,8 @@ use super::{Cause, EXPLAINS, Finding, beyond_chance};
 /// What is named is so many standard deviations from nothing. By chance alone three numbers together are so in one fit of ten
 /// million; what else a fit of real samples is off by, nobody knows.
 const SIGMAS: f64 = 6.0;
+/// An offset that turns with the device changes the field's strength by more than this share of it, one standard deviation.
+const STRENGTH_SHARE: f64 = 0.1;
 /// A jump is the best of a hundred instants where it may have been.
 const JUMP_SIGMAS: f64 = 6.5;
 /// A bias that jumps by less (rad/s) is learned unnoticed: 0.1 deg/s.
@@ -100,6 +102,9 @@ impl Diagnosis {
         let (iron, expected) = (fit.iron, self.stated.hard_iron_std_ut.unwrap_or(0.0));
         let size = iron.offset_ut.norm();
         let least = LEAST_IRON_UT.max(3.0 * expected);
+        if size > SIGMAS * iron.std_ut && size > least && self.keeps_its_strength(size) {
+            return Some(self.other_axes());
+        }
         (size > SIGMAS * iron.std_ut && size > least).then(|| Finding {
             cause: Cause::HardIron,
             sensor: SensorKind::Magnetometer,
@@ -112,8 +117,33 @@ impl Diagnosis {
         })
     }
 
+    /// Whether the field kept its strength where the turns show an offset of this size, microtesla: an offset that turns with the
+    /// device would have changed it.
+    fn keeps_its_strength(&self, offset_ut: f64) -> bool {
+        STRENGTH_SHARE * offset_ut > self.strength.std()
+    }
+
+    fn other_axes(&self) -> Finding {
+        Finding {
+            cause: Cause::Misalignment,
+            sensor: SensorKind::Magnetometer,
+            confidence: 0.97,
+            sentence: format!(
+                "The magnetometer does not turn as the gyroscope says, and its field keeps its strength ({:.1} \u{00b5}T \u{00b1} {:.1}), which \
+                 iron would change: its axes are not the gyroscope's (exchanged, or of other signs), or its samples are of another \
+                 time. Put them right in a manifest (`axes`), or leave the magnetometer out.",
+                self.strength.mean,
+                self.strength.std(),
+            ),
+        }
+    }
+
     fn field_change(&self, fit: &FieldFit) -> Option<Finding> {
-        fit.change.map(|change| Finding {
+        // A field of the same strength cannot change by more than twice that, and by hardly as much where the axes are its own.
+        let is_possible =
+            |change: f64| change < 2.0 * self.strength.mean && !self.keeps_its_strength(change);
+        let change = fit.change.filter(|change| is_possible(change.change_ut));
+        change.map(|change| Finding {
             cause: Cause::MagneticDisturbance,
             sensor: SensorKind::Magnetometer,
             confidence: beyond_chance(change.sigmas),
