@@ -365,13 +365,15 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             && !self.memory.has_field
             && self.memory.has_force
             && Alignment::is_field(magnetic_field);
-        if let Some(aligning) = self.alignment_at(time_ns, appeared)
-            && permitted.is_ok()
-            && aligning
-                .alignment
-                .add_magnetic_field(&(magnetic_field - iron))
-        {
-            self.memory.has_field = true;
+        if let Some(aligning) = self.alignment_at(time_ns, appeared) {
+            let alignment = &mut aligning.alignment;
+            // Behind a pause it begins with one that is told again, if that is all there is.
+            let is_first = permitted == Err(SkipReason::Repeated) && !alignment.has_field();
+            if (permitted.is_ok() || is_first)
+                && alignment.add_magnetic_field(&(magnetic_field - iron))
+            {
+                self.memory.has_field = true;
+            }
         }
         if !self.memory.started {
             return Innovation::skipped(SkipReason::NotInitialized);

@@ -255,6 +255,12 @@ impl<T: Scalar> SampleCheck<T> {
         self.resolution
     }
 
+    /// Stamp of the first of equal samples, if the last one repeats it.
+    #[inline]
+    pub fn repeats_since_ns(&self) -> Option<i64> {
+        (self.repeats.run > 0).then_some(self.repeats.since_ns)
+    }
+
     /// Stamp of the last sample.
     #[inline]
     pub fn last_ns(&self) -> Option<i64> {
@@ -377,7 +383,13 @@ impl<T: Scalar> SampleCheck<T> {
         // A motion that begins goes on where a spike turns back.
         let goes_on = (sample - last).dot(&(last - held.good)) > T::zero();
         if stays || goes_on || held.samples >= MOST_SUSPECTS {
-            let change2 = from_last * from_last;
+            // One that is told again confirms the jump: such are usual where samples are.
+            let change = if from_last > T::zero() {
+                from_last
+            } else {
+                held.jump
+            };
+            let change2 = change * change;
             self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
             return Checked::Step(held.integral);
         }

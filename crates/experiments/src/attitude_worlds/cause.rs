@@ -88,8 +88,7 @@ pub fn named_cause(summary: &RunSummary) -> Cause {
         findings::Cause::MagneticDisturbance => Cause::Fault(WorldFault::MagneticDisturbance),
         findings::Cause::Acceleration => Cause::Acceleration,
         findings::Cause::Rounding => Cause::Fault(WorldFault::Rounding),
-        // No world has a logger; stamps that are not the sample's are what it comes to.
-        findings::Cause::Jitter | findings::Cause::Held => Cause::Fault(WorldFault::Jitter),
+        findings::Cause::Jitter => Cause::Fault(WorldFault::Jitter),
         findings::Cause::LastingErrors => Cause::LastingErrors,
         findings::Cause::Noise => noise(summary, first.sensor),
     }

@@ -232,12 +232,12 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             state.field_mean = FieldMean::default();
         }
         let level = state.level_from_body * (measured - state.hard_iron_ut);
-        state.field_mean.add(measured, &level);
+        state.field_mean.add(&level);
         let since_update = state.since_field_update;
         if since_update + since_sample * lit(0.5) < self.config.update_interval_s {
             return Innovation::skipped(SkipReason::Accumulated);
         }
-        let level = self.state.field_mean.take(&level);
+        let level = self.state.field_mean.take();
         self.update_field(&level, since_update)
     }
 

@@ -31,9 +31,26 @@ const REALIGNMENT_S: f64 = 2.0;
 const HAND_SPEED: f64 = 1.0;
 /// Square of the distance, in standard deviations, beyond which the alignment afterwards contradicts the estimator.
 const CONTRADICTS2: f64 = 11.3;
+/// A field that repeats itself counts as measured again after this time: loggers tell a slow magnetometer's last value again for less.
+const HELD_FIELD_NS: i64 = 1_000_000_000;
 /// A spike of the accelerometer is one from here on, m/s^2; one of the magnetometer, as a share of the field.
 const NOTABLE_FORCE: f64 = 40.0;
 const NOTABLE_FIELD_SHARE: f64 = 0.5;
+
+/// Whether a field is the one before, told again: many a table repeats the last one until the next comes. One that stays the same for
+/// longer, as coarse values do at rest, counts once in [`HELD_FIELD_NS`].
+fn is_told_again<T: Scalar>(
+    check: &SampleCheck<T>,
+    sensor: FaultySensor,
+    time_ns: i64,
+    before_ns: Option<i64>,
+) -> bool {
+    let (Some(since_ns), Some(before_ns)) = (check.repeats_since_ns(), before_ns) else {
+        return false;
+    };
+    let times = |ns: i64| ns.saturating_sub(since_ns) / HELD_FIELD_NS;
+    sensor == FaultySensor::Magnetometer && times(time_ns) == times(before_ns)
+}
 
 /// What the checks remember, and the hole or the fault under way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,7 +145,11 @@ impl<T: Scalar> Checks<T> {
             is_over: false,
             size,
         };
+        let before_ns = check.last_ns();
         match check.check(time_ns, sample) {
+            Checked::Good if is_told_again(check, sensor, time_ns, before_ns) => {
+                return Err(SkipReason::Repeated);
+            }
             Checked::Good | Checked::Step(_) => self.log.ends(sensor, time_ns),
             Checked::Suspect => return Err(SkipReason::Suspect),
             Checked::Spike { from_ns, size } => {

@@ -358,6 +358,59 @@ fn a_late_magnetometer_is_aligned_with() {
     assert!((estimate - bias).norm() < 1e-3, "{estimate}");
 }
 
+/// GIVEN a table that tells the last field of a slow magnetometer again until the next comes WHEN the device turns THEN the attitude is
+/// that without the fields that are told again.
+#[test]
+fn a_field_that_is_told_again_is_no_measurement() {
+    let run = |is_told_again: bool| {
+        let mut driver = mekf();
+        let (mut truth, mut last, mut fused) = (UnitQuaternion::identity(), north(), 0);
+        for k in 0..3000_i64 {
+            let t = k as f64 * 0.01;
+            let rate = Vector3::new((0.9 * t).sin(), 0.7 * (0.7 * t).cos(), 0.8);
+            let rate = if k < 100 { Vector3::zeros() } else { rate };
+            truth *= so3::exp(&(rate * 0.01));
+            let noise = Vector3::new((77.0 * t).sin(), (53.0 * t).cos(), (91.0 * t).sin()) * 0.3;
+            driver.gyroscope(k * 10 * MS, &rate);
+            driver.accelerometer(k * 10 * MS, &(truth.inverse() * up() + noise * 0.1));
+            if k % 10 == 0 {
+                last = truth.inverse() * north() + noise;
+            }
+            if is_told_again || k % 10 == 0 {
+                fused += i32::from(driver.magnetometer(k * 10 * MS, &last).outcome.is_fused());
+            }
+        }
+        (
+            rotation::angle_between(&driver.attitude().unwrap(), &truth).to_degrees(),
+            fused,
+        )
+    };
+    let ((told_again, fused), (once, of)) = (run(true), run(false));
+    assert!(
+        told_again < 1.1 * once + 0.05 && told_again < 0.5,
+        "{told_again} and {once} deg"
+    );
+    assert!((of - 10..=of).contains(&fused), "{fused} of {of}");
+}
+
+/// GIVEN a device at rest whose coarse magnetometer shows the same value for a minute THEN it counts once a second: the heading is held.
+#[test]
+fn a_field_that_stays_counts_once_in_a_second() {
+    let mut driver = mekf();
+    let mut fused = 0;
+    for t in (0..60_000).step_by(10) {
+        driver.gyroscope(t * MS, &Vector3::new(0.0, 0.0, 0.005));
+        driver.accelerometer(
+            t * MS,
+            &(up() + Vector3::x() * 1e-3 * ((t / 10) % 3) as f64),
+        );
+        fused += i32::from(driver.magnetometer(t * MS, &north()).outcome.is_fused());
+    }
+    assert!((50..=61).contains(&fused), "{fused}");
+    let heading = driver.attitude().unwrap().euler_angles().2.to_degrees();
+    assert!(heading.abs() < 1.0, "{heading} deg");
+}
+
 #[test]
 fn extreme_stamps_do_not_overflow() {
     let mut driver = mekf();

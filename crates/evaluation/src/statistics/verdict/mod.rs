@@ -66,8 +66,6 @@ struct Channel {
     samples: u64,
     /// Samples that are the one before to the last digit.
     repeated: u64,
-    /// Of samples between which the device turned by more than steps and noise hide: those that are the one before, and all.
-    held: [u64; 2],
 }
 
 /// What watches the innovations of one sensor.
@@ -138,8 +136,6 @@ pub struct Diagnosis {
     gravity: Length,
     /// Mean strength of the field, microtesla.
     strength: Length,
-    /// Stamp of the last field, ns.
-    last_field_ns: Option<i64>,
 }
 
 /// The length of a vector that should keep it.
@@ -230,7 +226,6 @@ impl Diagnosis {
             }
             Sample::MagneticField(field) | Sample::MagneticFieldUncalibrated(field) => {
                 self.strength.add(field.norm());
-                self.hold(time_ns, field);
                 let saturated = self
                     .magnetometer
                     .add(time_ns, field, sample, BEYOND_FIELD * self.strength.mean)
@@ -240,25 +235,6 @@ impl Diagnosis {
                     .note(Condition::MagnetometerSaturated, saturated, time_ns);
             }
             _ => {}
-        }
-    }
-
-    /// Whether a magnetometer shows the same field although the device turned.
-    fn hold(&mut self, time_ns: i64, field: &Vector3<f64>) {
-        /// A turn is seen where it moves the field by so many steps of its values.
-        const STEPS: f64 = 3.0;
-        /// Steps smaller than this are not looked for, microtesla.
-        const SMALLEST_UT: f64 = 0.05;
-        let Some(before_ns) = self.last_field_ns.replace(time_ns) else {
-            return;
-        };
-        let passed_s = crate::statistics::seconds_between(before_ns, time_ns);
-        let rate = self.gyroscope.last.map_or(0.0, |rate| rate.norm());
-        let step = self.magnetometer.resolution.step(SensorKind::Magnetometer);
-        if rate * passed_s * field.norm() > STEPS * step.unwrap_or(SMALLEST_UT) {
-            let is_same = self.magnetometer.last == Some(*field);
-            self.magnetometer.held[0] += u64::from(is_same);
-            self.magnetometer.held[1] += 1;
         }
     }
 

@@ -31,8 +31,6 @@ pub enum Cause {
     Bursts,
     /// Intervals between samples vary.
     Jitter,
-    /// A logger holds the sensor's last value: samples are told again that were not measured again.
-    Held,
     /// The gyroscope's bias changed.
     BiasChange,
     /// The accelerometer's axes are not those of the gyroscope.
@@ -84,8 +82,6 @@ const EXPLAINS: f64 = 0.3;
 /// A sensor is stuck when its values change in fewer than this share of at least so many samples, while the device turns by
 /// this much in all (rad): rounded values do not stay the same through that.
 const STUCK: f64 = 0.01;
-/// Samples that are told again are named from this share on.
-const HELD: f64 = 0.25;
 const FEWEST_STUCK: u64 = 100;
 const TURNED_RAD: f64 = 1.5;
 /// No sensor's range ends within so many steps of its values: what stays there is a coarse value that repeats.
@@ -102,7 +98,6 @@ impl Diagnosis {
     pub fn findings(&self, verdicts: &[SensorVerdict]) -> Vec<Finding> {
         let mut findings = Vec::new();
         self.stuck(&mut findings);
-        findings.extend(self.held());
         findings.extend(self.hole());
         self.saturations(&mut findings);
         self.calibration(&mut findings);
@@ -180,29 +175,6 @@ impl Diagnosis {
                 ),
             });
         }
-    }
-
-    /// A magnetometer whose samples are told again and again while the device turns, where the estimator counts each.
-    fn held(&self) -> Option<Finding> {
-        let [same, all] = self.magnetometer.held;
-        let share = same as f64 / all.max(1) as f64;
-        let is_counted =
-            self.by_magnetometer.std.1 > 0 && self.stated.magnetometer_mean_s.is_none();
-        // What never changes is stuck.
-        if !is_counted || all < FEWEST_STUCK || !(HELD..1.0 - STUCK).contains(&share) {
-            return None;
-        }
-        Some(Finding {
-            cause: Cause::Held,
-            sensor: SensorKind::Magnetometer,
-            confidence: share,
-            sentence: format!(
-                "Of the magnetometer's samples {:.0} % are the one before to the last digit although the device turned: a logger tells \
-                 the last one again. This estimator counts each as a measurement of its own: it is late, and the estimator too sure. \
-                 Leave the repeated ones out: in a table an empty cell is no sample.",
-                100.0 * share,
-            ),
-        })
     }
 
     fn saturations(&self, findings: &mut Vec<Finding>) {
