@@ -217,6 +217,8 @@ units! {
         Nanotesla = "nanotesla" => 1e-3,
         /// Tesla.
         Tesla = "tesla" => 1e6,
+        /// Millitesla, 1000 microtesla.
+        Millitesla = "millitesla" => 1e3,
         /// Gauss, 100 microtesla.
         Gauss = "gauss" => 100.0,
         /// Milligauss, 0.1 microtesla.

@@ -202,11 +202,22 @@ impl NormCheck {
                 "for g use --accelerometer-unit g, otherwise record the acceleration with gravity (or use m-per-s2 if the numbers are \
                  right)",
             ),
-            (SensorKind::Accelerometer, _) | (_, 2.0..) => return Ok(()),
-            (_, 0.01..) => (
+            (SensorKind::Accelerometer, _) | (_, 2.0..5000.0) => return Ok(()),
+            (_, 5000.0..) => (
+                format!("{norm:.0}, expected 20 to 70 microtesla"),
+                "nanotesla",
+                "if so, use --magnetometer-unit nanotesla (or microtesla if the numbers are right)",
+            ),
+            // The Earth's field is 0.25 to 0.65 gauss, and 0.025 to 0.065 millitesla.
+            (_, 0.13..) => (
                 format!("{norm:.3e}, expected 20 to 70 microtesla"),
                 "gauss",
                 "if so, use --magnetometer-unit gauss (or microtesla if the numbers are right)",
+            ),
+            (_, 0.01..) => (
+                format!("{norm:.3e}, expected 20 to 70 microtesla"),
+                "millitesla",
+                "if so, use --magnetometer-unit millitesla (or microtesla if the numbers are right)",
             ),
             _ => (
                 format!("{norm:.3e}, expected 20 to 70 microtesla"),

@@ -38,7 +38,7 @@ pub(crate) struct InputArgs {
     /// Unit of the accelerometer in the file: m-per-s2, g
     #[arg(long, value_name = "UNIT")]
     accelerometer_unit: Option<ForceUnit>,
-    /// Unit of the magnetometer in the file: microtesla, nanotesla, tesla, gauss, milligauss
+    /// Unit of the magnetometer in the file: microtesla, nanotesla, millitesla, tesla, gauss, milligauss
     #[arg(long, value_name = "UNIT")]
     magnetometer_unit: Option<FieldUnit>,
     /// Longest pause of the gyroscope that is no gap; the uncertainty grows over a gap

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use northing_core::attitude::{InitialState, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_core::faults::{Fault, FaultySensor};
+use northing_core::kalman::SkipReason;
 use northing_recording::{Sample, SensorKind};
 
 use crate::attitude::field_watch::FieldWatch;
@@ -40,6 +41,8 @@ pub(crate) struct Tally {
     updates: PerSensor<UpdateCounts>,
     nis: [NisStatistics; 3],
     present: Present,
+    /// Stamps of the first and last samples of gyroscope, accelerometer and magnetometer, ns.
+    spans: [Option<[i64; 2]>; 3],
     last_rate_ns: Option<i64>,
     gaps: Gaps,
     scores: ErrorStatistics,
@@ -119,6 +122,12 @@ impl Tally {
             self.samples[kind.order()] += 1;
         }
         self.diagnose(instant, force, field);
+        for (span, sample) in (self.spans.iter_mut()).zip([instant.angular_rate, force, field]) {
+            if sample.is_some() {
+                let [first, _] = span.unwrap_or([instant.time_ns; 2]);
+                *span = Some([first, instant.time_ns]);
+            }
+        }
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
@@ -403,6 +412,42 @@ impl Tally {
         judged.collect()
     }
 
+    /// Sensors of which no sample was looked at although the estimator uses them, a sentence each.
+    fn unused_sensors(&self) -> Vec<String> {
+        /// Fewer samples say nothing.
+        const FEWEST: u64 = 10;
+        let [rates, force, field] = self.spans;
+        let sensors = [
+            (
+                SensorKind::Accelerometer,
+                force,
+                &self.updates.accelerometer,
+            ),
+            (SensorKind::Magnetometer, field, &self.updates.magnetometer),
+        ];
+        let unused = sensors.into_iter().filter_map(|(sensor, span, counts)| {
+            let (why, _) = (counts.skipped_because.iter()).max_by_key(|(_, count)| **count)?;
+            let is_unused = counts.fused + counts.gated == 0 && counts.skipped >= FEWEST;
+            if !is_unused || *why == SkipReason::NotUsed.description() {
+                return None;
+            }
+            let apart = rates.zip(span).filter(|([from, to], [first, last])| last < from || first > to);
+            let apart = apart.map_or(String::new(), |(rates, span)| {
+                let [from, to, first, last] = [rates[0], rates[1], span[0], span[1]].map(|ns| self.time_s(ns));
+                format!(
+                    " They are from {first:.1} s to {last:.1} s, those of the gyroscope from {from:.1} s to {to:.1} s: two clocks, or two \
+                     recordings."
+                )
+            });
+            Some(format!(
+                "None of the {} samples of the {} was used: {why}.{apart}",
+                counts.skipped,
+                sensor.name(),
+            ))
+        });
+        unused.collect()
+    }
+
     fn issues(&self, reference: Option<&ReferenceSummary>, runs_filter: bool) -> Vec<String> {
         let mut issues = Vec::new();
         if self.rates.all >= FEWEST_ZEROS && self.rates.zero == self.rates.all {
@@ -411,6 +456,9 @@ impl Tally {
                  empty; no turn can be followed.",
                 self.rates.all
             ));
+        }
+        if runs_filter {
+            issues.extend(self.unused_sensors());
         }
         issues.extend(self.faults.sentences());
         issues.extend(self.watch.sentences());

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timezone
+from typing import Any
+
 import numpy as np
 
 from ._types import ArrayLike, Floats, Integers
@@ -17,7 +20,7 @@ def vectors(name: str, values: ArrayLike) -> Floats:
     """Rows of three finite numbers. No copy is made of an array of float64, whatever its strides."""
     expected = f"expected {_EXPECTED[name]}, shape (N, 3)"
     try:
-        rows = np.asarray(values)
+        rows = np.asarray(_without_mask(values))
         if rows.dtype.kind not in "fiu":
             rows = rows.astype(np.float64) if rows.dtype.kind == "O" else rows
         if rows.dtype.kind not in "fiu":
@@ -41,19 +44,40 @@ def vectors(name: str, values: ArrayLike) -> Floats:
     return rows
 
 
+def _without_mask(values: ArrayLike) -> Any:
+    """What is masked is no number; `asarray` alone would take what stands below the mask."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.getmaskarray(values).any():
+        return values.astype(np.float64).filled(np.nan)
+    return values
+
+
 def _shown(row: Floats) -> str:
     return "(" + ", ".join(f"{x:g}" for x in row) + ")"
 
 
+# Intervals of integer stamps below this are no nanoseconds: no inertial sensor has 50 000 samples a second.
+_SHORTEST_NS = 20_000.0
+
+
 def stamps(name: str, t: ArrayLike, rows: int) -> Integers:
-    """Stamps in ns of seconds, whole nanoseconds (int64), or datetime64; they must increase."""
-    times = np.asarray(t)
+    """Stamps in ns of seconds, whole nanoseconds (int64), datetime64, or datetimes (UTC without a zone); they must increase."""
+    times = np.asarray(_without_mask(t))
     if times.ndim != 1 or times.shape[0] != rows:
         raise ValueError(f"{name}: shape {times.shape}; expected one stamp for each of {rows} rows")
+    if times.dtype.kind == "O" and all(isinstance(date, datetime) for date in times):
+        times = np.array([_utc(date) for date in times], dtype="datetime64[ns]")
     if times.dtype.kind == "M":
+        if np.isnat(times).any():
+            raise ValueError(f"{name}: row {int(np.argmax(np.isnat(times)))} is NaT; leave such samples out")
         time_ns = times.astype("datetime64[ns]").astype(np.int64)
     elif times.dtype.kind in "iu":
         time_ns = times.astype(np.int64)
+        usual = float(np.median(np.diff(time_ns))) if rows > 1 else _SHORTEST_NS
+        if 0.0 < usual < _SHORTEST_NS:
+            raise ValueError(
+                f"{name}: integers are nanoseconds, and these are {usual:g} apart: {1e9 / usual:g} samples a second; "
+                "multiply microseconds by 1000 and milliseconds by 1000000, or give seconds as floats"
+            )
     elif times.dtype.kind == "f":
         seconds = times.astype(np.float64, copy=False)
         bad = ~(np.abs(seconds) < 9e9)
@@ -62,7 +86,9 @@ def stamps(name: str, t: ArrayLike, rows: int) -> Integers:
             raise ValueError(f"{name}: row {row} is {seconds[row]:g}; expected seconds (or int64 nanoseconds)")
         time_ns = np.rint(seconds * 1e9).astype(np.int64)
     else:
-        raise ValueError(f"{name}: expected seconds, int64 nanoseconds or datetime64, not {times.dtype}")
+        raise ValueError(
+            f"{name}: expected seconds, int64 nanoseconds, datetime64 or datetimes, not {times.dtype}"
+        )
     back = np.diff(time_ns) <= 0
     if back.any():
         row = int(np.argmax(back)) + 1
@@ -71,6 +97,14 @@ def stamps(name: str, t: ArrayLike, rows: int) -> Integers:
             "sort the rows by time and leave repeated stamps out"
         )
     return np.ascontiguousarray(time_ns)
+
+
+def _utc(date: datetime) -> Any:
+    """The date without its zone, in UTC, to the nanosecond where it is one of pandas."""
+    if date.tzinfo is not None:
+        date = date.astimezone(timezone.utc).replace(tzinfo=None)
+    to_datetime64 = getattr(date, "to_datetime64", None)
+    return date if to_datetime64 is None else to_datetime64()
 
 
 def stamps_at(rate: float, rows: int) -> Integers:

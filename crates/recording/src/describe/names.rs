@@ -57,7 +57,7 @@ pub(super) struct Group {
 }
 
 /// Spellings of units, and the name that a manifest has for each; those that it has none for begin with `!`.
-const UNITS: [(&str, &[&str]); 28] = [
+const UNITS: [(&str, &[&str]); 29] = [
     (
         "rad-per-s",
         &[
@@ -98,6 +98,7 @@ const UNITS: [(&str, &[&str]); 28] = [
     ("microtesla", &["ut", "µt", "μt", "microtesla"]),
     ("nanotesla", &["nt", "nanotesla"]),
     ("milligauss", &["mgauss", "milligauss"]),
+    ("millitesla", &["mt", "millitesla"]),
     ("gauss", &["gauss", "ga"]),
     ("tesla", &["t", "tesla"]),
     ("s", &["s", "sec", "secs", "second", "seconds"]),
@@ -310,7 +311,7 @@ fn vector(name: &str, unit: Option<&str>) -> Quantity {
     match unit {
         Some("rad-per-s" | "deg-per-s") => Quantity::Gyroscope,
         Some("m-per-s2" | "g" | "!mg") => Quantity::Accelerometer,
-        Some("microtesla" | "nanotesla" | "gauss" | "milligauss" | "tesla") => {
+        Some("microtesla" | "nanotesla" | "gauss" | "milligauss" | "millitesla" | "tesla") => {
             Quantity::Magnetometer
         }
         _ if is("g") || is("rot") => Quantity::Gyroscope,

@@ -47,11 +47,12 @@ const GRAVITY: [(&str, Option<f64>, f64, f64); 3] = [
     ("g", None, 0.8, 1.25),
     ("g", Some(1e-3), 850.0, 1200.0),
 ];
-const FIELD: [(&str, Option<f64>, f64, f64); 5] = [
+const FIELD: [(&str, Option<f64>, f64, f64); 6] = [
     ("microtesla", None, 15.0, 100.0),
     ("milligauss", None, 150.0, 1000.0),
     ("nanotesla", None, 1.5e4, 1e5),
     ("gauss", None, 0.15, 0.9),
+    ("millitesla", None, 0.015, 0.1),
     ("tesla", None, 1.5e-5, 1e-4),
 ];
 

@@ -193,20 +193,25 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Takes the stamp of a measurement: it must be newer than its sensor's last and near the present.
     pub(super) fn accept(&mut self, aid: Aid, time_ns: i64) -> Result<(), SkipReason> {
-        let stamp = &mut self.memory.stamps[aid as usize];
+        let stamp = self.memory.stamps[aid as usize];
         let ahead = |last: i64| seconds::<T>(time_ns, last) > lit(LONGEST_GAP_S);
         if stamp.is_some_and(|last| time_ns <= last && !ahead(last)) {
             return Err(SkipReason::NotNewer);
         }
-        *stamp = Some(time_ns);
         if self.config.imu_samples == ImuSamples::None {
             self.go_on_without_samples(time_ns);
         } else {
             self.go_on_in_a_gap(time_ns);
         }
-        match self.memory.now_ns {
+        // One that is not used shall not make the next ones old.
+        let ahead_s = self.memory.now_ns.map(|now| seconds::<T>(now, time_ns));
+        match ahead_s {
+            Some(ahead_s) if ahead_s > T::one() => return Err(SkipReason::TooLate),
+            Some(ahead_s) if ahead_s < -T::one() => return Err(SkipReason::NotNewer),
+            _ => self.memory.stamps[aid as usize] = Some(time_ns),
+        }
+        match ahead_s {
             None => Err(SkipReason::NotInitialized),
-            Some(now) if seconds::<T>(now, time_ns).abs() > T::one() => Err(SkipReason::TooLate),
             Some(_) => Ok(()),
         }
     }

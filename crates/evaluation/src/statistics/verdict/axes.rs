@@ -92,6 +92,9 @@ pub struct AxesFit {
     /// By how much residuals are larger than the moments themselves say: much more than 1 where the device was accelerated all the
     /// time.
     pub residual_factor: f64,
+    /// What the equations, linear in the gyroscope's bias, leave out of a pair's turn: the square of the angle by which the bias is off
+    /// over it, rad.
+    pub left_out_rad: f64,
     /// Residuals of the pairs, and their variances as the whole fit shows them, per axis.
     pub residuals: Vec<(Vector3<f64>, f64)>,
 }
@@ -239,6 +242,7 @@ impl Axes {
             misalignment: three(6),
             turns: large.count(),
             residual_factor: fitted.factor.sqrt(),
+            left_out_rad: (three(9).value.norm() * mean_duration_s(pairs)).powi(2),
             residuals: rows
                 .iter()
                 .map(|row| {
@@ -250,6 +254,14 @@ impl Axes {
                 .collect(),
         })
     }
+}
+
+/// Mean time of pairs, s.
+fn mean_duration_s(pairs: &[Pair]) -> f64 {
+    let durations = pairs
+        .iter()
+        .map(|pair| crate::statistics::seconds_between(pair.then_ns, pair.now_ns));
+    durations.sum::<f64>() / pairs.len().max(1) as f64
 }
 
 /// Equations (1) and (2) of a pair.

@@ -48,7 +48,8 @@ impl Diagnosis {
             // Half a step of the values is no bias, scale or angle.
             let step = (self.accelerometer.resolution).step(SensorKind::Accelerometer);
             let least = 0.5 * step.unwrap_or_default();
-            let least_share = least / self.gravity.mean.max(1.0);
+            let least_share = (least / self.gravity.mean.max(1.0)).max(fit.left_out_rad);
+            let least = least.max(fit.left_out_rad * self.gravity.mean);
             findings.extend(misalignment(&fit, least_share));
             findings.extend(scale(&fit, least_share, least));
         }
