@@ -36,9 +36,9 @@ pub(crate) fn in_words_of_the_module(sentence: &str) -> String {
         let Some(value) = tail.strip_prefix(' ') else {
             continue;
         };
-        let is_of_value = |c: char| c.is_ascii_alphanumeric() || "-_=:.".contains(c);
+        let is_of_value = |c: char| c.is_ascii_alphanumeric() || "-_=:.,".contains(c);
         let end = value.find(|c| !is_of_value(c)).unwrap_or(value.len());
-        let word = value[..end].trim_end_matches(['.', ':']);
+        let word = value[..end].trim_end_matches(['.', ':', ',']);
         said.push_str(&format!("=\"{word}\""));
         rest = &value[word.len()..];
     }

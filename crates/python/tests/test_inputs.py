@@ -97,6 +97,26 @@ def bad(values: np.ndarray, row: int, value: float) -> np.ndarray:
     return changed
 
 
+def bad_date(t: np.ndarray, row: int) -> np.ndarray:
+    dates = np.datetime64("2026-01-01", "ns") + np.rint(t * 1e9).astype("timedelta64[ns]")
+    dates[row] = np.datetime64("NaT")
+    return dates
+
+
+def test_dates_with_a_zone_are_stamps_and_a_mask_that_hides_nothing_is_none(phone: Arrays) -> None:
+    gyr, acc = phone["gyr"], np.ma.masked_array(phone["acc"])
+    expected = no.attitude(gyr, phone["acc"], t=phone["t"]).quat
+    dates = pandas.Timestamp("2026-01-01", tz="Europe/Berlin") + pandas.to_timedelta(phone["t"], unit="s")
+    for times in [dates, list(dates.to_pydatetime())]:
+        np.testing.assert_allclose(no.attitude(gyr, acc, t=times).quat, expected, atol=1e-6)
+
+
+def test_a_sensor_on_another_clock_is_said(phone: Arrays) -> None:
+    r = no.attitude(phone["gyr"], phone["acc"], phone["mag"], rate=100.0, mag_t=phone["t"] + 1.7e9)
+    said = [note for note in r.notes if note.startswith("None of the 3000 samples of the magnetometer was used")]
+    assert len(said) == 1 and "two clocks, or two recordings" in said[0], r.notes
+
+
 def test_refusals(phone: Arrays) -> None:
     gyr, acc, mag, t = (phone[name] for name in ("gyr", "acc", "mag", "t"))
     for arguments, options, sentence in [
@@ -126,6 +146,13 @@ def test_refusals(phone: Arrays) -> None:
         ((gyr, acc), {"estimator": "usque", "smooth": True}, "no smoother for `usque`"),
         ((gyr, acc), {"frame": "nwu"}, 'frame="nwu": expected enu or ned'),
         ((gyr[:20], acc[:20]), {}, "too short"),
+        ((gyr, np.ma.masked_array(acc, mask=np.arange(9000).reshape(3000, 3) == 36)), {}, "acc: row 12 .* not finite"),
+        ((gyr, acc), {"rate": None, "t": np.rint(t * 1e6).astype(np.int64)}, "integers are nanoseconds.*microseconds by 1000"),
+        ((gyr, acc), {"rate": None, "t": bad_date(t, 5)}, "t: row 5 is NaT"),
+        ((-gyr, acc), {}, "gravity turns the other way .* signs look reversed"),
+        ((gyr, acc - np.median(acc, axis=0)), {}, "acceleration without gravity"),
+        ((gyr, acc, mag * 1e3), {}, 'nanotesla; if so, use magnetometer_unit="nanotesla"'),
+        ((gyr, acc, mag * 1e-3), {}, 'millitesla; if so, use magnetometer_unit="millitesla"'),
     ]:
         with pytest.raises(ValueError) as refused:
             no.attitude(*arguments, **{"rate": 100.0, **options})

@@ -127,9 +127,15 @@ impl FieldWatch {
         }
         let mean = self.strength_sum / self.samples as f64;
         if !(LET_PASS_UT[0]..=LET_PASS_UT[1]).contains(&mean) {
+            let is_milligauss = (10.0 * EARTH_UT[0]..=10.0 * EARTH_UT[1]).contains(&mean);
+            let unit = if is_milligauss {
+                ", or the numbers are milligauss (--magnetometer-unit milligauss)"
+            } else {
+                ""
+            };
             sentences.push(format!(
                 "The magnetic field is {mean:.0} microtesla strong on average; on Earth it is {:.0} to {:.0}: a magnet \
-                 or iron is near, or in the device. Calibrate the magnetometer (`northing calibrate \
+                 or iron is near, or in the device{unit}. Calibrate the magnetometer (`northing calibrate \
                  magnetometer`), or leave it out (--sensors gyro,acc).",
                 EARTH_UT[0], EARTH_UT[1]
             ));

@@ -41,8 +41,8 @@ pub(crate) struct Tally {
     updates: PerSensor<UpdateCounts>,
     nis: [NisStatistics; 3],
     present: Present,
-    /// Stamps of the first and last samples of gyroscope, accelerometer and magnetometer, ns.
-    spans: [Option<[i64; 2]>; 3],
+    /// Stamps of the first and last samples of gyroscope, accelerometer, magnetometer and reference, ns.
+    spans: [Option<[i64; 2]>; 4],
     last_rate_ns: Option<i64>,
     gaps: Gaps,
     scores: ErrorStatistics,
@@ -122,8 +122,14 @@ impl Tally {
             self.samples[kind.order()] += 1;
         }
         self.diagnose(instant, force, field);
-        for (span, sample) in (self.spans.iter_mut()).zip([instant.angular_rate, force, field]) {
-            if sample.is_some() {
+        let has = [
+            instant.angular_rate.is_some(),
+            force.is_some(),
+            field.is_some(),
+            instant.reference.is_some(),
+        ];
+        for (span, has) in self.spans.iter_mut().zip(has) {
+            if has {
                 let [first, _] = span.unwrap_or([instant.time_ns; 2]);
                 *span = Some([first, instant.time_ns]);
             }
@@ -194,9 +200,25 @@ impl Tally {
         seconds_between(self.first_ns.unwrap_or(time_ns), time_ns)
     }
 
-    /// Seconds from the first to the last sample.
+    /// Seconds from the first to the last sample; those of a reference on another clock do not count.
     fn duration_s(&self) -> f64 {
-        self.time_s(self.last_ns)
+        let [rates, .., reference] = self.spans;
+        match rates.filter(|_| self.apart(reference).is_some()) {
+            Some([first, last]) => seconds_between(first, last),
+            None => self.time_s(self.last_ns),
+        }
+    }
+
+    /// That a span of stamps has no time in common with the gyroscope's, with both.
+    fn apart(&self, span: Option<[i64; 2]>) -> Option<String> {
+        let ([from, to], [first, last]) = (self.spans[0]?, span?);
+        (last < from || first > to).then(|| {
+            let [from, to, first, last] = [from, to, first, last].map(|ns| self.time_s(ns));
+            format!(
+                "They are from {first:.1} s to {last:.1} s, those of the gyroscope from {from:.1} s to {to:.1} s: two clocks, or two \
+                 recordings."
+            )
+        })
     }
 
     pub(crate) fn propagated(&mut self, propagation: Propagation) {
@@ -416,7 +438,7 @@ impl Tally {
     fn unused_sensors(&self) -> Vec<String> {
         /// Fewer samples say nothing.
         const FEWEST: u64 = 10;
-        let [rates, force, field] = self.spans;
+        let [_, force, field, _] = self.spans;
         let sensors = [
             (
                 SensorKind::Accelerometer,
@@ -431,14 +453,9 @@ impl Tally {
             if !is_unused || *why == SkipReason::NotUsed.description() {
                 return None;
             }
-            let apart = rates.zip(span).filter(|([from, to], [first, last])| last < from || first > to);
-            let apart = apart.map_or(String::new(), |(rates, span)| {
-                let [from, to, first, last] = [rates[0], rates[1], span[0], span[1]].map(|ns| self.time_s(ns));
-                format!(
-                    " They are from {first:.1} s to {last:.1} s, those of the gyroscope from {from:.1} s to {to:.1} s: two clocks, or two \
-                     recordings."
-                )
-            });
+            let apart = self
+                .apart(span)
+                .map_or(String::new(), |apart| format!(" {apart}"));
             Some(format!(
                 "None of the {} samples of the {} was used: {why}.{apart}",
                 counts.skipped,
@@ -489,7 +506,11 @@ impl Tally {
                     .to_owned(),
             );
         }
-        issues.extend(reference.iter().flat_map(|r| r.sentences(self.skip_s)));
+        issues.extend(
+            reference
+                .iter()
+                .flat_map(|r| r.sentences(self.skip_s, self.apart(self.spans[3]))),
+        );
         issues
     }
 }

@@ -450,3 +450,57 @@ fn values_that_repeat_are_rounded_too_coarsely() {
         "{findings:?}"
     );
 }
+
+/// Exchanged axes of a magnetometer are neither iron that turns with the device nor a magnet that came.
+#[test]
+fn axes_of_a_magnetometer_that_are_others_are_named_and_no_iron_is() {
+    let exchanged = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[2] = Vector3::new(v[2].y, v[2].x, -v[2].z);
+        true
+    };
+    for (findings, _) in [
+        diagnosed(samples(exchanged)),
+        diagnosed(samples(|k, t, v| exchanged(k, t, v) && k >= 300)),
+    ] {
+        assert_eq!(first(&findings), Some(Cause::Misalignment), "{findings:?}");
+        assert_eq!(findings[0].sensor, SensorKind::Magnetometer);
+        assert!(
+            findings[0].sentence.contains("keeps its strength (48.3"),
+            "{findings:?}"
+        );
+        let false_reason =
+            |f: &Finding| matches!(f.cause, Cause::HardIron | Cause::MagneticDisturbance);
+        assert!(!findings.iter().any(false_reason), "{findings:?}");
+    }
+}
+
+/// A vehicle that speeds up and brakes leaves residuals that look like biases, now one and now another.
+#[test]
+fn forces_of_a_vehicle_are_no_change_of_the_bias() {
+    let drives = |_: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
+        if t > 10.0 {
+            v[1].x += 0.8 * (0.25 * t).sin();
+            v[1].y += 0.6 * (0.17 * t).cos();
+        }
+        true
+    };
+    let (findings, _) = diagnosed(samples(drives));
+    assert!(
+        !findings.iter().any(|f| f.cause == Cause::BiasChange),
+        "{findings:?}"
+    );
+}
+
+/// The bias of a cheap gyroscope, which the filter takes out, is not the accelerometer's axes.
+#[test]
+fn a_large_bias_of_the_gyroscope_is_no_misalignment() {
+    for bias in [0.05, 0.1, 0.2] {
+        let biased = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+            v[0] += Vector3::new(1.0, -0.5, 0.75) * bias;
+            true
+        };
+        let (findings, _) = diagnosed(samples(biased));
+        let axes = |f: &Finding| matches!(f.cause, Cause::Misalignment | Cause::Scale);
+        assert!(!findings.iter().any(axes), "{bias}: {findings:?}");
+    }
+}

@@ -159,7 +159,7 @@ class Attitude(_Run):
     @property
     def findings(self) -> list[str]:
         """What is wrong, the first to act on first, a sentence or two each; empty where nothing is."""
-        return [finding["sentence"] for finding in self.summary["findings"]]
+        return [in_words_of_the_module(finding["sentence"]) for finding in self.summary["findings"]]
 
     @property
     def undefined(self) -> int:

@@ -130,8 +130,8 @@ impl<T: fmt::Display + Scalar> fmt::Display for MagnetometerError<T> {
                 maximum_ut,
             } => write!(
                 f,
-                "the field is {measured_ut:.1} uT strong, expected {minimum_ut:.0} to {maximum_ut:.0}; move away \
-                 from iron, check the unit (uT), or turn through more directions"
+                "the samples fit a field of {measured_ut:.1} uT, expected {minimum_ut:.0} to {maximum_ut:.0}; turn the device \
+                 through all directions (at rest they show noise alone), move away from iron, or check the unit (uT)"
             ),
             Self::ResidualTooLarge { std_ut, limit_ut } => write!(
                 f,

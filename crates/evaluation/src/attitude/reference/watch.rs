@@ -52,9 +52,13 @@ impl ReferenceWatch {
 
 impl ReferenceSummary {
     /// What became of its samples, and what was taken out of it, or matters for its score.
-    pub(crate) fn sentences(&self, skip_s: f64) -> Vec<String> {
+    pub(crate) fn sentences(&self, skip_s: f64, apart: Option<String>) -> Vec<String> {
         let samples = self.samples;
-        let unscored = if self.scored == 0 {
+        let unscored = if let (0, Some(apart)) = (self.scored, apart) {
+            Some(format!(
+                "The reference was not scored: none of its {samples} samples is of a time of the gyroscope's. {apart}"
+            ))
+        } else if self.scored == 0 {
             Some(format!(
                 "The reference was not scored: none of its {samples} samples counts, lies between two estimates without \
                  a gap, and comes {skip_s} s or more after the first sample."

@@ -391,7 +391,7 @@ mod tests {
         );
         let issue = drive(0.0, -1.0, false).issue().unwrap();
         assert!(
-            issue.contains("mirrored") && !issue.contains("clock"),
+            issue.contains("mirrored") && issue.contains("those of the accelerometer"),
             "{issue}"
         );
         assert!(

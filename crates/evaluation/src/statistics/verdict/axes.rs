@@ -92,9 +92,6 @@ pub struct AxesFit {
     /// By how much residuals are larger than the moments themselves say: much more than 1 where the device was accelerated all the
     /// time.
     pub residual_factor: f64,
-    /// What the equations, linear in the gyroscope's bias, leave out of a pair's turn: the square of the angle by which the bias is off
-    /// over it, rad.
-    pub left_out_rad: f64,
     /// Residuals of the pairs, and their variances as the whole fit shows them, per axis.
     pub residuals: Vec<(Vector3<f64>, f64)>,
 }
@@ -242,7 +239,6 @@ impl Axes {
             misalignment: three(6),
             turns: large.count(),
             residual_factor: fitted.factor.sqrt(),
-            left_out_rad: (three(9).value.norm() * mean_duration_s(pairs)).powi(2),
             residuals: rows
                 .iter()
                 .map(|row| {
@@ -254,14 +250,6 @@ impl Axes {
                 .collect(),
         })
     }
-}
-
-/// Mean time of pairs, s.
-fn mean_duration_s(pairs: &[Pair]) -> f64 {
-    let durations = pairs
-        .iter()
-        .map(|pair| crate::statistics::seconds_between(pair.then_ns, pair.now_ns));
-    durations.sum::<f64>() / pairs.len().max(1) as f64
 }
 
 /// Equations (1) and (2) of a pair.
@@ -281,13 +269,15 @@ impl Row {
         let mut put = |column: usize, block: &Matrix3<f64>| {
             design.fixed_columns_mut::<3>(column).copy_from(block);
         };
+        let by_rotation = so3::skew(&carried) - c * so3::skew(&f1);
         if pair.is_turned() {
             put(0, &pair.by_offset());
             let by_scale = Matrix3::from_diagonal(&carried) - c * Matrix3::from_diagonal(&f1);
             put(3, &by_scale);
-            put(6, &(so3::skew(&carried) - c * so3::skew(&f1)));
+            put(6, &by_rotation);
         }
-        put(9, &pair.by_bias());
+        // The forces of a moment are carried to its end by the gyroscope as well, half a window in the mean.
+        put(9, &(pair.by_bias() + by_rotation * (0.5 * WINDOW_S)));
         put(12, &pair.by_scale());
         let (u, f) = (pair.now.normalize(), pair.now);
         let mut length_design = SMatrix::<f64, 1, N>::zeros();

@@ -373,6 +373,19 @@ fn bad_input_is_counted_and_changes_nothing() {
         skipped(&mut ins, now + 5_000_000_000, &good),
         SkipReason::TooLate
     );
+    // That one does not make the others old, and one of long ago is called so.
+    let mut other = ins.clone();
+    assert!(
+        other
+            .gnss_position(later, &good)
+            .horizontal
+            .outcome
+            .is_fused()
+    );
+    assert_eq!(
+        skipped(&mut ins, now - 120_000_000_000, &good),
+        SkipReason::NotNewer
+    );
     assert!(!ins.heading(later, f64::NAN, 0.1).outcome.is_fused());
     assert!(!ins.barometer(later, f64::INFINITY).outcome.is_fused());
     assert!(

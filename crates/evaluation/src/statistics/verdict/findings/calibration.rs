@@ -14,6 +14,8 @@ use super::{Cause, EXPLAINS, Finding, beyond_chance};
 const SIGMAS: f64 = 6.0;
 /// An offset that turns with the device changes the field's strength by more than this share of it, one standard deviation.
 const STRENGTH_SHARE: f64 = 0.1;
+/// A field that turns with the gyroscope leaves residuals of less than this share of its strength.
+const NOT_TURNING: f64 = 0.4;
 /// A jump is the best of a hundred instants where it may have been.
 const JUMP_SIGMAS: f64 = 6.5;
 /// A bias that jumps by less (rad/s) is learned unnoticed: 0.1 deg/s.
@@ -44,14 +46,21 @@ impl Diagnosis {
                 && fit.scale.value.amax() < NO_SCALE
                 && fit.misalignment.value.norm() < NO_BOARD_RAD
         };
+        let gyroscope_is_right = axes.as_ref().is_some_and(calm);
         if let Some(fit) = axes.filter(calm) {
             // Half a step of the values is no bias, scale or angle.
             let step = (self.accelerometer.resolution).step(SensorKind::Accelerometer);
             let least = 0.5 * step.unwrap_or_default();
-            let least_share = (least / self.gravity.mean.max(1.0)).max(fit.left_out_rad);
-            let least = least.max(fit.left_out_rad * self.gravity.mean);
+            let least_share = least / self.gravity.mean.max(1.0);
             findings.extend(misalignment(&fit, least_share));
             findings.extend(scale(&fit, least_share, least));
+        }
+        if let Some(fit) = &field
+            && gyroscope_is_right
+            && fit.residual_std_ut > NOT_TURNING * self.strength.mean
+            && self.keeps_its_strength(fit.residual_std_ut)
+        {
+            return findings.push(self.other_axes());
         }
         let iron = field.as_ref().and_then(|fit| self.hard_iron(fit));
         let change = field.as_ref().and_then(|fit| self.field_change(fit));
@@ -140,9 +149,8 @@ impl Diagnosis {
     }
 
     fn field_change(&self, fit: &FieldFit) -> Option<Finding> {
-        // A field of the same strength cannot change by more than twice that, and by hardly as much where the axes are its own.
-        let is_possible =
-            |change: f64| change < 2.0 * self.strength.mean && !self.keeps_its_strength(change);
+        // A field of some strength cannot change by more than twice that.
+        let is_possible = |change: f64| change < 2.0 * (self.strength.mean + self.strength.std());
         let change = fit.change.filter(|change| is_possible(change.change_ut));
         change.map(|change| Finding {
             cause: Cause::MagneticDisturbance,
