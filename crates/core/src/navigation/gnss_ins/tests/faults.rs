@@ -375,13 +375,12 @@ fn bad_input_is_counted_and_changes_nothing() {
     );
     // That one does not make the others old, and one of long ago is called so.
     let mut other = ins.clone();
-    assert!(
-        other
-            .gnss_position(later, &good)
-            .horizontal
-            .outcome
-            .is_fused()
-    );
+    let next = GnssPosition {
+        ned: good.ned + Vector3::repeat(0.1),
+        ..good
+    };
+    let next = other.gnss_position(later, &next).horizontal.outcome;
+    assert!(next.is_fused(), "{next:?}");
     assert_eq!(
         skipped(&mut ins, now - 120_000_000_000, &good),
         SkipReason::NotNewer
@@ -397,7 +396,7 @@ fn bad_input_is_counted_and_changes_nothing() {
     assert_eq!(*ins.state().unwrap(), before);
     assert_eq!(
         ins.counts(Aid::GnssPosition).skipped as usize,
-        5 + before_start(&ins)
+        6 + before_start(&ins)
     );
     let broken = GnssInsConfig {
         gravity: f64::NAN,
