@@ -112,9 +112,6 @@ impl Diagnosis {
         let (iron, expected) = (fit.iron, self.stated.hard_iron_std_ut.unwrap_or(0.0));
         let size = iron.offset_ut.norm();
         let least = LEAST_IRON_UT.max(3.0 * expected);
-        if size > SIGMAS * iron.std_ut && size > least && self.keeps_its_strength(size) {
-            return Some(self.other_axes());
-        }
         (size > SIGMAS * iron.std_ut && size > least).then(|| Finding {
             cause: Cause::HardIron,
             sensor: SensorKind::Magnetometer,
