@@ -625,7 +625,8 @@ fn times_of_day_and_dates_with_the_day_first_are_read_with_their_holes() {
         let (is_next, clock) = clock(k);
         format!("{}.03.2025 {clock}", if is_next { "02" } else { "01" })
     };
-    let forms: [(&str, &dyn Fn(usize) -> String, &str); 3] = [
+    type Stamps<'a> = &'a dyn Fn(usize) -> String;
+    let forms: [(&str, Stamps<'_>, &str); 3] = [
         ("time", &|k| clock(k).1, "time-of-day"),
         ("Datum", &dates, "date-time"),
         // Which number is the month nobody knows; the clock is enough.

@@ -374,7 +374,7 @@ fn bad_input_is_counted_and_changes_nothing() {
         SkipReason::TooLate
     );
     // That one does not make the others old, and one of long ago is called so.
-    let mut other = ins.clone();
+    let mut other = ins;
     let next = GnssPosition {
         ned: good.ned + Vector3::repeat(0.1),
         ..good
