@@ -20,6 +20,16 @@ pub enum EvaluationError {
         /// Which, and what it did.
         sentence: String,
     },
+    /// One that estimates positions where one of the attitude alone is meant.
+    #[error(
+        "`{name}` estimates positions from fixes; expected an estimator of the attitude alone, one of: {valid}"
+    )]
+    EstimatorOfPositions {
+        /// What was asked for.
+        name: String,
+        /// The names there are.
+        valid: String,
+    },
     /// No profile has this name.
     #[error("unknown profile `{name}`; expected one of: {valid}")]
     UnknownProfile {

@@ -22,6 +22,7 @@ use crate::attitude::Parameters;
 use crate::attitude::own::{OwnEstimator, OwnKind, Pace, PythonClass, register_python};
 use crate::attitude::parameters::parameters_of;
 use crate::error::EvaluationError;
+use crate::navigation::NavigationKind;
 
 crate::named::estimators! {
     /// An estimator that can be asked for by name.
@@ -97,9 +98,12 @@ impl FromStr for EstimatorKind {
         if known.is_none() && PythonClass::is_meant_by(name) {
             return register_python(name);
         }
-        known.ok_or_else(|| EvaluationError::UnknownEstimator {
-            name: name.to_owned(),
-            valid: Self::names(),
+        known.ok_or_else(|| {
+            let (name, valid) = (name.to_owned(), Self::names());
+            match NavigationKind::named(&name) {
+                Some(_) => EvaluationError::EstimatorOfPositions { name, valid },
+                None => EvaluationError::UnknownEstimator { name, valid },
+            }
         })
     }
 }

@@ -288,7 +288,8 @@ class SchmidtKalman:
     """One target seen by radar from a ship whose own pose is uncertain; starts from its first detection.
 
     ``own`` is an :class:`OwnShip`, of which each scan then needs one of its own, or a :class:`GnssIns`, whose errors the tracker
-    follows from now on. Range in m, bearing in rad clockwise from the bow.
+    follows from now on. Range in m, bearing in rad clockwise from the bow. ``acceleration_std`` (m/s^2) is that of the target's
+    acceleration, held from one instant to the next: steps of other lengths are other models.
     """
 
     def __new__(

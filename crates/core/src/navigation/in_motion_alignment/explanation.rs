@@ -1,6 +1,6 @@
-//! What explains a fix that is far off: an outlier among those before it, or a bias that has stepped.
+//! What explains a fix that is far off: an outlier among those before it, a bias that has stepped, or a receiver worse than it says.
 //!
-//! *Read first:* `docs/derivations/in_motion_alignment.md`, sections 7 and 8 (W26, W27).
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, sections 7 and 8 (W26, W26a, W27).
 
 use super::bank::Bank;
 use super::bias_step::{AlignmentStep, Candidate, LEAST_GAIN};
@@ -22,6 +22,8 @@ pub(super) const LOOKED_AT: usize = 6;
 pub(super) const UNSEEN_FIXES: u32 = LOOKED_AT as u32;
 /// Fixes before a step is looked for.
 const FEWEST_FOR_STEP: u32 = 6;
+/// A receiver that is worse than it says may be so many times worse than was learnt.
+const WORSE_BY: [f64; 3] = [2.0, 4.0, 8.0];
 /// Fixes before an outlier is looked for: fewer cannot outvote it.
 const FEWEST_FOR_OUTLIER: u32 = 4;
 
@@ -95,6 +97,30 @@ impl<T: Scalar> Hypothesis<T> {
             newest: fit.newest[0].0.residual.norm(),
             log_evidence: fit.log_evidence,
         })
+    }
+
+    /// Log evidence for a receiver whose noise is larger than was learnt until now, and its scale (W26a).
+    fn gain_of_noise(
+        &self,
+        intervals: &[Interval<T>],
+        unexplained: &Unexplained<T>,
+        scale: T,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<(T, T)> {
+        let about = Linearization::carried_back(&self.end.mean, intervals);
+        let mut best: Option<(T, T)> = None;
+        for factor in WORSE_BY {
+            let scale = (scale * lit(factor)).min(config.largest_noise_scale);
+            let learnt = self.learnt(scale, config);
+            let Some(pass) = pass(&self.anchor, &about, intervals, learnt, config) else {
+                continue;
+            };
+            let gain = pass.fit.log_evidence - unexplained.log_evidence;
+            if best.is_none_or(|(most, _)| gain > most) {
+                best = Some((gain, scale));
+            }
+        }
+        best
     }
 
     /// Log evidence for fixes that jump in one of the newest [`LOOKED_AT`] intervals, and stay there. With `has_first` not in the first of
@@ -183,6 +209,18 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         let Some(jump) = best.gain_of_jump(intervals, &unexplained, has_first, config) else {
             return;
         };
+        let noise = may_have_stepped
+            .then(|| best.gain_of_noise(intervals, &unexplained, bank.scale, config))
+            .flatten();
+        if let Some((gain, scale)) = noise
+            && gain > jump.max(lit(LEAST_GAIN))
+            && outlier.as_ref().is_none_or(|outlier| gain > outlier.gain)
+            && step.as_ref().is_none_or(|step| gain > step.gain)
+        {
+            // Many fixes are off, and each in its own way.
+            bank.scale = scale;
+            return;
+        }
         let outlier = outlier.filter(|outlier| outlier.gain > jump);
         let step = step.filter(|step| step.gain > jump);
         match (outlier, step) {

@@ -10,7 +10,16 @@ use rand_pcg::Pcg64Mcg;
 /// and the first step that it found with its time.
 fn with_biases(
     seconds: u32,
+    biases: [Vector3<f64>; 2],
+) -> (InMotionAlignment<f64>, Option<(f64, AlignmentStep<f64>)>) {
+    with_biases_and_fixes(seconds, biases, [0.02; 2])
+}
+
+/// The same with a receiver that states so much, m, and is off by so much.
+fn with_biases_and_fixes(
+    seconds: u32,
     [rate_bias, force_bias]: [Vector3<f64>; 2],
+    [stated_m, off_m]: [f64; 2],
 ) -> (InMotionAlignment<f64>, Option<(f64, AlignmentStep<f64>)>) {
     let mut random = Pcg64Mcg::seed_from_u64(5);
     let mut noise =
@@ -21,8 +30,8 @@ fn with_biases(
         let t = f64::from(k) * 0.01;
         if k % 100 == 0 {
             let fix = GnssPosition {
-                ned: Vector3::new(-t.cos(), -t.sin(), 0.0) * 4.0 + noise(0.02),
-                std: Vector3::repeat(0.02),
+                ned: Vector3::new(-t.cos(), -t.sin(), 0.0) * 4.0 + noise(off_m),
+                std: Vector3::repeat(stated_m),
                 has_height: true,
             };
             made.gnss_position(&fix);
@@ -43,6 +52,20 @@ fn without_a_step_none_is_found() {
     let (made, found) = with_biases(120, [Vector3::zeros(); 2]);
     assert_eq!(found, None);
     assert_eq!((made.restarts(), made.hypotheses()), (0, 1));
+}
+
+/// GIVEN a receiver that is much worse than it says THEN its noise is what is learnt, at once, and no bias steps.
+#[test]
+fn a_receiver_that_is_worse_than_it_says_is_no_step() {
+    for worse in [3.0, 5.0, 10.0] {
+        let (made, found) = with_biases_and_fixes(120, [Vector3::zeros(); 2], [0.1, 0.1 * worse]);
+        assert_eq!(found, None, "{worse}");
+        let scale = made.noise_scale() / worse;
+        assert!((0.5..2.0).contains(&scale), "{worse}: {scale}");
+        let (state, _) = made.hand_over().unwrap();
+        let off = crate::geometry::so3::log(&state.ned_from_body);
+        assert!(off.norm() < 0.15, "{worse}: {off}");
+    }
 }
 
 #[test]
