@@ -47,7 +47,7 @@ def vectors(name: str, values: ArrayLike) -> Floats:
 def _without_mask(values: ArrayLike) -> Any:
     """What is masked is no number; `asarray` alone would take what stands below the mask."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.getmaskarray(values).any():
-        return values.astype(np.float64).filled(np.nan)
+        return np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
     return values
 
 
