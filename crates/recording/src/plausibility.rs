@@ -48,8 +48,7 @@ impl Doubt {
 pub struct Plausibility {
     /// Those that are not over.
     norms: Vec<NormCheck>,
-    rate: Option<RateCheck>,
-    sign: Option<TurnSign>,
+    turns: Option<TurnChecks>,
     position: Option<PositionCheck>,
 }
 
@@ -77,8 +76,7 @@ impl Plausibility {
         let rate = options.plausibility && options.gyroscope_unit.is_none();
         Self {
             norms: checked.map(|(kind, _)| NormCheck::new(*kind)).collect(),
-            rate: rate.then(RateCheck::default),
-            sign: rate.then(TurnSign::default),
+            turns: rate.then(TurnChecks::default),
             position: options.plausibility.then(PositionCheck::default),
         }
     }
@@ -130,14 +128,7 @@ impl Plausibility {
         {
             self.norms.remove(at).judge()?;
         }
-        if let Some(check) = &mut self.sign {
-            match sensor {
-                SensorKind::Gyroscope => check.turn(time_ns, vector),
-                SensorKind::Accelerometer => check.see(time_ns, vector)?,
-                _ => {}
-            }
-        }
-        match (sensor, &mut self.rate) {
+        match (sensor, &mut self.turns) {
             (SensorKind::Gyroscope, Some(check)) => check.turn(time_ns, vector),
             (SensorKind::Accelerometer, Some(check)) => check.see(time_ns, vector),
             _ => Ok(()),
@@ -157,7 +148,7 @@ impl Plausibility {
     /// [`RecordingError::ImplausibleUnit`] as above.
     pub fn finish(&mut self, file: &str) -> Result<()> {
         let norms = self.norms.iter_mut().try_for_each(NormCheck::judge);
-        let rate = || self.rate.as_ref().map_or(Ok(()), RateCheck::at_end);
+        let rate = || (self.turns.as_ref()).map_or(Ok(()), |turns| turns.rate.at_end());
         norms
             .and_then(|()| rate())
             .map_err(|doubt| doubt.error(file))
@@ -263,12 +254,74 @@ impl Norms {
     }
 }
 
+/// What an accelerometer says of gravity.
+#[derive(Debug, Clone, Copy)]
+enum Felt {
+    /// Its length is not known yet.
+    Nothing,
+    /// The force is not gravity alone.
+    Shaken,
+    /// Its direction, body axes.
+    Gravity(Vector3<f64>),
+}
+
+/// Tells gravity by its length: the median of the first two seconds, in any unit.
+#[derive(Debug, Clone, Default)]
+struct CalmForce {
+    norms: Norms,
+    median: Option<f64>,
+}
+
+impl CalmForce {
+    /// Comparisons need all specific forces within this fraction of their median: swinging arms
+    /// and running turn the specific force with the body and speak for degrees.
+    const CALM: f64 = 0.1;
+
+    fn felt(&mut self, time_ns: i64, force: &Vector3<f64>) -> Felt {
+        let norm = force.norm();
+        let Some(median) = self.median else {
+            if self.norms.add(time_ns, norm) {
+                self.median = self.norms.median();
+                self.norms = Norms::default();
+            }
+            return Felt::Nothing;
+        };
+        if (norm - median).abs() > Self::CALM * median {
+            Felt::Shaken
+        } else {
+            Felt::Gravity(force / norm)
+        }
+    }
+}
+
+/// The checks of the gyroscope by turns of gravity.
+#[derive(Debug, Clone, Default)]
+struct TurnChecks {
+    gravity: CalmForce,
+    rate: RateCheck,
+    sign: TurnSign,
+}
+
+impl TurnChecks {
+    fn turn(&mut self, time_ns: i64, rate: &Vector3<f64>) -> Verdict {
+        self.sign.turn(time_ns, rate);
+        self.rate.turn(time_ns, rate)
+    }
+
+    fn see(&mut self, time_ns: i64, force: &Vector3<f64>) -> Verdict {
+        if self.rate.over && self.sign.is_over() {
+            return Ok(());
+        }
+        let felt = self.gravity.felt(time_ns, force);
+        self.sign.see(time_ns, felt)?;
+        self.rate.see(time_ns, felt)
+    }
+}
+
 /// Rates or degrees: the competition of the two hypotheses.
 #[derive(Debug, Clone, Default)]
 struct RateCheck {
     over: bool,
-    norms: Norms,
-    median_force: Option<f64>,
     last_rate_ns: Option<i64>,
     fast_since_ns: Option<i64>,
     fast_samples: u32,
@@ -297,9 +350,6 @@ impl RateCheck {
     /// acceleration and the gyroscope's bias do not matter.
     const WINDOW_NS: i64 = 250_000_000;
     const WINDOW_MOST_NS: i64 = 1_000_000_000;
-    /// A comparison needs all specific forces within this fraction of their median: swinging arms
-    /// and running turn the specific force with the body and speak for degrees.
-    const CALM: f64 = 0.1;
     const PAUSE_NS: i64 = 100_000_000;
     /// Most samples of the gyroscope in a comparison: none has so many a second, and a file cannot make it remember more.
     const MOST_TURNS: usize = 1 << 15;
@@ -374,24 +424,17 @@ impl RateCheck {
         })
     }
 
-    /// An accelerometer sample, in any unit: only directions and ratios of norms matter.
-    fn see(&mut self, time_ns: i64, force: &Vector3<f64>) -> Verdict {
-        if self.over {
-            return Ok(());
-        }
-        let norm = force.norm();
-        let Some(median) = self.median_force else {
-            if self.norms.add(time_ns, norm) {
-                self.median_force = self.norms.median();
-                self.norms = Norms::default();
+    /// What the accelerometer says at a stamp.
+    fn see(&mut self, time_ns: i64, felt: Felt) -> Verdict {
+        let direction = match felt {
+            _ if self.over => return Ok(()),
+            Felt::Nothing => return Ok(()),
+            Felt::Shaken => {
+                self.window = None;
+                return Ok(());
             }
-            return Ok(());
+            Felt::Gravity(direction) => direction,
         };
-        if (norm - median).abs() > Self::CALM * median {
-            self.window = None;
-            return Ok(());
-        }
-        let direction = force / norm;
         match &self.window {
             Some(window) if time_ns.saturating_sub(window.start_ns) < Self::WINDOW_NS => {
                 return Ok(());

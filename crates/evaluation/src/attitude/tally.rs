@@ -448,7 +448,7 @@ impl Tally {
             (SensorKind::Magnetometer, field, &self.updates.magnetometer),
         ];
         let unused = sensors.into_iter().filter_map(|(sensor, span, counts)| {
-            let (why, _) = (counts.skipped_because.iter()).max_by_key(|(_, count)| **count)?;
+            let (why, most) = (counts.skipped_because.iter()).max_by_key(|(_, count)| **count)?;
             let is_unused = counts.fused + counts.gated == 0 && counts.skipped >= FEWEST;
             if !is_unused || *why == SkipReason::NotUsed.description() {
                 return None;
@@ -456,8 +456,12 @@ impl Tally {
             let apart = self
                 .apart(span)
                 .map_or(String::new(), |apart| format!(" {apart}"));
+            let of_them = match *most == counts.skipped {
+                true => String::new(),
+                false => format!("{most} of them "),
+            };
             Some(format!(
-                "None of the {} samples of the {} was used: {why}.{apart}",
+                "None of the {} samples of the {} was used: {of_them}{why}.{apart}",
                 counts.skipped,
                 sensor.name(),
             ))
@@ -486,10 +490,10 @@ impl Tally {
             ));
         }
         let fixes = self.samples_of(SensorKind::GnssPosition);
-        if fixes > 1 {
+        if runs_filter && fixes > 1 {
             issues.push(format!(
-                "{fixes} fixes of a satellite receiver are not used: an estimator of the attitude alone has run. In a vehicle, \
-                 error-state estimates attitude and position with them."
+                "{fixes} fixes of a satellite receiver are not used by this estimator. In a vehicle, error-state estimates attitude and \
+                 position with them."
             ));
         }
         let has_compass = self.samples_of(SensorKind::CompassHeading) > 0;

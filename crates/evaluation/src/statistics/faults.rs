@@ -61,11 +61,7 @@ impl FaultRecord {
     /// In words, with the sensor: `gyroscope: stuck from 12.30 s to 15.31 s`.
     #[must_use]
     pub fn sentence(&self) -> String {
-        let unit = match self.sensor {
-            FaultySensor::Gyroscope => "rad/s",
-            FaultySensor::Accelerometer => "m/s^2",
-            FaultySensor::Magnetometer => "uT",
-        };
+        let unit = unit_of(self.sensor);
         let from = self.from_s;
         let until = match self.until_s {
             Some(until) => format!("to {until:.2} s"),
@@ -102,35 +98,41 @@ impl FaultRecord {
     }
 }
 
-/// So many changes of a bias, each so soon after the one before in the mean, s, are hardly the gyroscope's own.
+/// So many changes of a bias, each so soon after the one before in the mean, s, are hardly the sensor's own.
 const MANY_BIAS_STEPS: usize = 4;
 const SOON_S: f64 = 120.0;
 
-fn is_bias_step(record: &FaultRecord) -> bool {
-    record.kind == FaultKind::BiasStep
+fn is_bias_step(record: &FaultRecord, sensor: FaultySensor) -> bool {
+    record.kind == FaultKind::BiasStep && record.sensor == sensor
 }
 
-fn are_many(steps: &[&FaultRecord]) -> bool {
+/// A bias of a sensor that changes again and again, as one sentence.
+fn many_bias_steps(sensor: FaultySensor, steps: &[&FaultRecord]) -> Option<String> {
     let [first, .., last] = steps else {
-        return false;
+        return None;
     };
     let each_s = (last.found_s - first.found_s) / (steps.len() - 1) as f64;
-    steps.len() >= MANY_BIAS_STEPS && each_s < SOON_S
-}
-
-fn many_bias_steps(steps: &[&FaultRecord]) -> String {
+    if steps.len() < MANY_BIAS_STEPS || each_s >= SOON_S {
+        return None;
+    }
     let largest = steps.iter().map(|record| record.size).fold(0.0, f64::max);
-    let [first, .., last] = steps else {
-        return String::new();
-    };
-    format!(
-        "{}: {} changes of its bias were found and removed from {:.2} s to {:.2} s, of up to {largest:.3} rad/s. A gyroscope hardly does \
+    Some(format!(
+        "{}: {} changes of its bias were found and removed from {:.2} s to {:.2} s, of up to {largest:.3} {}. Hardly any sensor does \
          that: its axes, units or clock may be wrong, or what it is compared with is (fixes, gravity, the field).",
-        sensor_name(first.sensor),
+        sensor_name(sensor),
         steps.len(),
         first.found_s,
         last.found_s,
-    )
+        unit_of(sensor),
+    ))
+}
+
+const fn unit_of(sensor: FaultySensor) -> &'static str {
+    match sensor {
+        FaultySensor::Gyroscope => "rad/s",
+        FaultySensor::Accelerometer => "m/s^2",
+        FaultySensor::Magnetometer => "uT",
+    }
 }
 
 /// Collects the faults of a run; what is told twice, when found and when over, becomes one record.
@@ -171,15 +173,17 @@ impl FaultTally {
 
     /// The first of them in words, and how many there are besides.
     pub(crate) fn sentences(&self) -> Vec<String> {
-        let steps = self.faults.iter().map(|(_, record)| record);
-        let steps: Vec<&FaultRecord> = steps.filter(|record| is_bias_step(record)).collect();
-        let are_many = are_many(&steps);
-        let single = self.faults.iter().map(|(_, record)| record);
-        let single: Vec<&FaultRecord> = single
-            .filter(|record| !(are_many && is_bias_step(record)))
-            .collect();
+        let mut single: Vec<&FaultRecord> = self.faults.iter().map(|(_, record)| record).collect();
         let mut sentences = Vec::new();
-        sentences.extend(are_many.then(|| many_bias_steps(&steps)));
+        for sensor in [FaultySensor::Gyroscope, FaultySensor::Accelerometer] {
+            let (steps, others) = single
+                .iter()
+                .partition::<Vec<_>, _>(|record| is_bias_step(record, sensor));
+            if let Some(sentence) = many_bias_steps(sensor, &steps) {
+                sentences.push(sentence);
+                single = others;
+            }
+        }
         let told = single.iter().take(MOST_SENTENCES);
         sentences.extend(told.map(|record| record.sentence()));
         let more = single.len().saturating_sub(MOST_SENTENCES) as u64 + self.more;
@@ -244,14 +248,15 @@ mod tests {
 
     #[test]
     fn a_bias_that_changes_again_and_again_is_not_called_the_gyroscopes() {
-        let step = |found_s: i64| Fault {
-            sensor: FaultySensor::Gyroscope,
+        let step_of = |sensor: FaultySensor, found_s: i64| Fault {
+            sensor,
             kind: FaultKind::BiasStep,
             from_ns: found_s * 1_000_000_000,
             until_ns: found_s * 1_000_000_000,
             is_over: true,
             size: 0.1 + 0.001 * found_s as f64,
         };
+        let step = |found_s| step_of(FaultySensor::Gyroscope, found_s);
         let said = |times: &[i64]| {
             let mut tally = FaultTally::default();
             times.iter().for_each(|at| tally.add(0, &step(*at)));
@@ -261,6 +266,20 @@ mod tests {
         assert!(
             often.len() == 1 && often[0].contains("4 changes of its bias were found and removed from 10.00 s to 70.00 s, of up to 0.170"),
             "{often:?}"
+        );
+        // Each sensor by itself, with its name and unit.
+        let mut both = FaultTally::default();
+        for found_s in [10, 20, 30, 40] {
+            both.add(0, &step_of(FaultySensor::Accelerometer, found_s));
+        }
+        both.add(0, &step(50));
+        let both = both.sentences();
+        assert!(
+            both.len() == 2
+                && both[0].starts_with("accelerometer: 4 changes of its bias")
+                && both[0].contains("of up to 0.140 m/s^2.")
+                && both[1].starts_with("gyroscope: its bias changed by 0.150 rad/s"),
+            "{both:?}"
         );
         for few in [&[10, 30, 40][..], &[10, 1000, 3000, 9000]] {
             let said = said(few);

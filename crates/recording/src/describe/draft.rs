@@ -418,7 +418,10 @@ impl Described {
             fit.tells().then_some((group, fit))
         });
         let (group, fit) = fits.max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;
-        let without = self.time.as_ref().map_or("", |time| &time.without);
+        let without = self
+            .time
+            .as_ref()
+            .map_or("", |time| time.found.why.as_str());
         rate_of_rows(without, group.unit, fit)
     }
 
@@ -438,7 +441,10 @@ impl Described {
             None => self.rate_by_turns(),
         };
         let Some((rate_hz, found)) = found else {
-            let without = self.time.as_ref().map_or("", |time| &time.without);
+            let without = self
+                .time
+                .as_ref()
+                .map_or("", |time| time.found.why.as_str());
             return Err(RecordingError::unsupported(
                 self.path.display().to_string(),
                 format!(

@@ -110,13 +110,18 @@ fn position(mut columns: Columns<'_>) -> Option<Section> {
     };
     columns.lines.push(format!("unit = \"{unit}\""));
     if let Some(height) = columns.put("height", Single::Height) {
-        /// No receiver of ours is higher, m.
+        /// Higher than any balloon, m; and than any ground, where a receiver tells integers.
         const HIGHEST_M: f64 = 60_000.0;
+        const HIGHEST_GROUND_M: f64 = 9_000.0;
         let told = columns
             .told(height)
             .filter(|told| matches!(*told, "mm" | "ft"));
         let highest = columns.largest(height);
-        let unit = told.or_else(|| (highest > HIGHEST_M).then_some("mm"));
+        let most = match unit {
+            "1e-7-deg" => HIGHEST_GROUND_M,
+            _ => HIGHEST_M,
+        };
+        let unit = told.or_else(|| (highest > most).then_some("mm"));
         if told.is_none() && unit.is_some() {
             why.push_str("; heights as large as millimetres");
             confidence = Confidence::Likely;

@@ -18,9 +18,7 @@ pub(super) struct Time {
     pub(super) seconds: Vec<f64>,
     /// Of rows that are counted, once it is known.
     pub(super) rate_hz: Option<f64>,
-    /// Without stamps: why what looks like a time is none, or that nothing does.
-    pub(super) without: String,
-    /// How it was found.
+    /// How it was found; without stamps, why what looks like a time is none, or that nothing does.
     pub(super) found: Found,
 }
 
@@ -58,11 +56,7 @@ impl Time {
             unit: "",
             seconds: (0..table.rows).map(|row| row as f64).collect(),
             rate_hz: None,
-            without: without_stamps(table),
-            found: Found::new(
-                "no column whose numbers grow as time does",
-                Confidence::Assumed,
-            ),
+            found: Found::new(without_stamps(table), Confidence::Assumed),
         })
     }
 
@@ -103,7 +97,6 @@ impl Time {
             columns,
             unit: "date-time",
             rate_hz: None,
-            without: String::new(),
             found: Found::new(what, Confidence::Certain),
         })
     }
@@ -125,7 +118,6 @@ impl Time {
             columns: vec![place],
             unit: "time-of-day",
             rate_hz: None,
-            without: String::new(),
             found: Found::new(
                 "it holds times of day; of which day is not said",
                 Confidence::Certain,
@@ -158,7 +150,6 @@ impl Time {
             unit,
             seconds: times.collect(),
             rate_hz: None,
-            without: String::new(),
             found,
         })
     }

@@ -6,15 +6,13 @@
 
 use nalgebra::Vector3;
 
-use super::{Doubt, Norms, Verdict, turned};
+use super::{Doubt, Felt, Verdict};
 use crate::event::SensorKind;
 
 /// Compares turns of gravity with those of the gyroscope.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TurnSign {
     is_over: bool,
-    norms: Norms,
-    median_force: Option<f64>,
     last_rate_ns: Option<i64>,
     window: Option<Window>,
     turns: u32,
@@ -36,16 +34,18 @@ impl TurnSign {
     /// A turn of gravity that counts, rad, and the longest time for it.
     const TURN: f64 = 0.8;
     const LONGEST_NS: i64 = 2_000_000_000;
-    /// Forces within this share of their median are gravity.
-    const CALM: f64 = 0.1;
     const PAUSE_NS: i64 = 100_000_000;
     /// Turns that are needed, error of the wrong hypothesis at least and of the right one at most, rad.
     const TURNS: u32 = 6;
     const WRONG: f64 = 0.8;
     const RIGHT: f64 = 0.25;
-    /// After so many turns, or windows without any, the question is settled.
+    /// After so many turns, or windows without any, half an hour of them, the question is settled and costs nothing any more.
     const SETTLED: u32 = 20;
-    const SETTLED_WINDOWS: u32 = 2000;
+    const SETTLED_WINDOWS: u32 = 900;
+
+    pub(super) fn is_over(&self) -> bool {
+        self.is_over
+    }
 
     /// A sample of the gyroscope, rad/s.
     pub(super) fn turn(&mut self, time_ns: i64, rate: &Vector3<f64>) {
@@ -64,31 +64,24 @@ impl TurnSign {
         }
     }
 
-    /// A sample of the accelerometer, in any unit.
+    /// What the accelerometer says at a stamp.
     ///
     /// # Errors
     /// [`RecordingError::ImplausibleUnit`](crate::RecordingError::ImplausibleUnit) once the evidence is in.
-    pub(super) fn see(&mut self, time_ns: i64, force: &Vector3<f64>) -> Verdict {
-        if self.is_over {
-            return Ok(());
-        }
-        let norm = force.norm();
-        let Some(median) = self.median_force else {
-            if self.norms.add(time_ns, norm) {
-                self.median_force = self.norms.median();
-                self.norms = Norms::default();
+    pub(super) fn see(&mut self, time_ns: i64, felt: Felt) -> Verdict {
+        let seen = match felt {
+            _ if self.is_over => return Ok(()),
+            Felt::Nothing => return Ok(()),
+            Felt::Shaken => {
+                self.window = None;
+                return Ok(());
             }
-            return Ok(());
+            Felt::Gravity(direction) => direction,
         };
-        if norm <= 0.0 || (norm - median).abs() > Self::CALM * median {
-            self.window = None;
-            return Ok(());
-        }
-        let seen = force / norm;
         if let Some(window) = self.window
             && time_ns.saturating_sub(window.start_ns) <= Self::LONGEST_NS
         {
-            if window.start.angle(&window.expected[0]) < Self::TURN {
+            if window.start.dot(&window.expected[0]) > Self::TURN.cos() {
                 return Ok(());
             }
             self.turns += 1;
@@ -123,4 +116,11 @@ impl TurnSign {
             hint: "if so, put it right with `axes` in a manifest (or use --gyroscope-unit rad-per-s to read the numbers as they are)",
         })
     }
+}
+
+/// A direction fixed in the world, in body axes, after the body has turned by a small rotation vector (rad): to second order, since it
+/// runs for every sample.
+fn turned(direction: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
+    let first = turn.cross(direction);
+    direction - first + turn.cross(&first) * 0.5
 }

@@ -80,8 +80,8 @@ impl VerticalCheck {
         let apart_m = (heights - velocity).abs();
         if self.is_apart() && apart_m > Self::NOISE_M + 0.5 * heights.abs() {
             issues.notes.push(format!(
-                "The receiver's velocity goes {} where its heights go {}, over {} stretches together: one of the two is wrong, and \
-                 an estimate of the height that uses both is as well.",
+                "The receiver's velocity goes {} where its heights go {}, over {} stretches together: at least one of the two is \
+                 off, and an estimate of the height that uses both may be.",
                 way_up(velocity),
                 way_up(heights),
                 self.stretches,

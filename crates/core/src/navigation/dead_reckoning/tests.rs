@@ -91,7 +91,7 @@ fn a_jump_is_left_out_until_it_has_come_six_times() {
     assert_eq!((filter.position(), filter.current()), (far, current));
 }
 
-/// A vehicle without a log that has done nothing for a minute and then turns with `g` of so much, a fix a second.
+/// A vehicle without a log that has done nothing for a minute and then turns with so much, m/s^2, a fix a second.
 fn turning(acceleration: f64) -> (f64, usize) {
     let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
     let speed = 15.0;
