@@ -8,6 +8,7 @@
 //! | `attitude_run.rs` | what an attitude run gives: arrays, summary, report, file |
 //! | `recordings.rs` | recordings in files: sensors, samples, runs |
 //! | `calibrations.rs` | calibrations and fits of recordings |
+//! | `navigation_arrays.rs` | navigation over arrays of samples and fixes |
 //! | `navigation_run.rs` | what a navigation run gives |
 //! | `streams.rs`, `configs.rs` | attitude estimators sample by sample, and their parameters |
 //! | `navigation_stream.rs`, `tracking_stream.rs` | the GNSS/INS and trackers sample by sample |
@@ -32,6 +33,7 @@ mod comparison;
 mod configs;
 mod errors;
 mod multi_target;
+mod navigation_arrays;
 mod navigation_run;
 mod navigation_stream;
 mod own;
@@ -52,6 +54,7 @@ fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(arrow_stream::arrow_stream, module)?)?;
     module.add_function(wrap_pyfunction!(attitude::attitude, module)?)?;
     module.add_function(wrap_pyfunction!(attitude::estimators, module)?)?;
+    module.add_function(wrap_pyfunction!(navigation_arrays::navigation, module)?)?;
     module.add_function(wrap_pyfunction!(errors::in_words_of_the_module, module)?)?;
     module.add_function(wrap_pyfunction!(comparison::compare, module)?)?;
     module.add_function(wrap_pyfunction!(calibrations::calibrate_rest, module)?)?;

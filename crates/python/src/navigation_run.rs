@@ -1,6 +1,7 @@
 //! What a navigation run gives: the track as arrays, innovations of each aid, the summary, a report and files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::geometry::rotation;
@@ -12,7 +13,7 @@ use northing_evaluation::navigation::{
 };
 use northing_recording::atomic_file::write_whole;
 use northing_recording::device_navigation::validity_word;
-use northing_recording::{OpenOptions, Recording};
+use northing_recording::{Event, Metadata, OpenOptions, Recording, SensorKind};
 use northing_report::{NavigationReport, TRACE_CAPACITY};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -21,6 +22,7 @@ use pyo3::types::PyDict;
 use crate::attitude;
 use crate::attitude_run::{Innovations, matrices, push_matrix, push_vector, rows};
 use crate::errors::{of_file, of_recording, of_run, refused};
+use crate::samples;
 
 /// The track as columns, a row for each inertial sample; NaN where there is nothing to say.
 #[derive(Default)]
@@ -75,10 +77,39 @@ impl NavigationObserver for Track {
     }
 }
 
+/// What is run over, as often as it is wanted.
+pub(crate) enum Source {
+    /// A file or folder.
+    File(PathBuf),
+    /// Arrays, as the events of a recording of these sensors, in the order of time.
+    Arrays(Arc<[Event]>, Vec<SensorKind>),
+}
+
+impl Source {
+    /// Open, and the name that stands for it in messages.
+    fn open(&self, reading: &OpenOptions) -> PyResult<(Recording, String)> {
+        match self {
+            Self::File(path) => Ok((attitude::open(path, reading)?, path.display().to_string())),
+            Self::Arrays(events, sensors) => {
+                let events = Arc::clone(events);
+                let count = events.len();
+                let metadata = Metadata {
+                    name: samples::NAME.to_owned(),
+                    format: samples::NAME.to_owned(),
+                    ..Metadata::default()
+                };
+                let events = (0..count).map(move |at| Ok(events[at]));
+                let recording = Recording::from_events(metadata, sensors, events, reading);
+                Ok((recording, samples::NAME.to_owned()))
+            }
+        }
+    }
+}
+
 /// A navigation run: its arrays, and what makes report and files: these run over the recording once more.
 #[pyclass(frozen, module = "northing._northing")]
 pub(crate) struct NavigationRun {
-    path: PathBuf,
+    source: Source,
     reading: OpenOptions,
     options: NavigationOptions,
     /// Stamps, ns.
@@ -129,21 +160,20 @@ impl NavigationRun {
     /// Runs.
     pub(crate) fn new(
         py: Python<'_>,
-        path: &Path,
-        reading: &OpenOptions,
+        source: Source,
+        reading: OpenOptions,
         options: NavigationOptions,
     ) -> PyResult<Self> {
         let mut track = Track::default();
-        let mut recording = attitude::open(path, reading)?;
-        let name = path.display().to_string();
+        let (mut recording, name) = source.open(&reading)?;
         let summary = py.detach(|| run_over(&mut recording, &name, &options, &mut track))?;
         let innovations = PyDict::new(py);
         for (aid, columns) in track.innovations {
             innovations.set_item(aid.name(), columns.into_dict(py)?)?;
         }
         Ok(Self {
-            path: path.to_owned(),
-            reading: reading.clone(),
+            source,
+            reading,
             options,
             time_ns: PyArray1::from_vec(py, track.time_ns).unbind(),
             geodetic: rows(py, track.geodetic, 3)?.unbind(),
@@ -160,8 +190,7 @@ impl NavigationRun {
 
     /// Runs once more, watched by something else; the recording's title comes back.
     fn again(&self, observer: &mut dyn NavigationObserver) -> PyResult<String> {
-        let mut recording = attitude::open(&self.path, &self.reading)?;
-        let name = self.path.display().to_string();
+        let (mut recording, name) = self.source.open(&self.reading)?;
         run_over(&mut recording, &name, &self.options, observer)?;
         Ok(recording.metadata().name.clone())
     }

@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 use crate::attitude::{self, Asked, Reading, word};
 use crate::attitude_run::{AttitudeRun, rows};
 use crate::errors::{of_recording, of_run, refused};
-use crate::navigation_run::NavigationRun;
+use crate::navigation_run::{NavigationRun, Source};
 
 /// A recording: a file or folder, and how it is read. It is read anew for everything that is asked of it.
 #[pyclass(frozen, module = "northing._northing")]
@@ -40,6 +40,39 @@ pub(crate) struct AskedNavigation {
     outages: Vec<String>,
     without: Vec<String>,
     score_from_s: Option<f64>,
+}
+
+impl AskedNavigation {
+    /// As options of a run over a recording.
+    ///
+    /// # Errors
+    /// A setting or a combination that is invalid.
+    pub(crate) fn options(
+        &self,
+        estimator: &str,
+        smooth: bool,
+        settings: &[String],
+        metadata: &Metadata,
+    ) -> PyResult<NavigationOptions> {
+        let kind = estimator
+            .parse()
+            .map_err(|e: northing_evaluation::EvaluationError| refused(e.to_string()))?;
+        let mut options = NavigationOptions::of_recording(kind, metadata);
+        options.smooth = smooth;
+        for setting in settings {
+            let set = options.set_from(setting, Origin::Set);
+            set.map_err(|error| refused(error.to_string()))?;
+        }
+        let usual = NavigationOptions::default();
+        options.gnss_every = self.gnss_every.unwrap_or(usual.gnss_every);
+        options.score_from_s = self.score_from_s.unwrap_or(usual.score_from_s);
+        options.outages = parsed(&self.outages)?;
+        options.without = parsed::<navigation::AidKind>(&self.without)?;
+        options
+            .check()
+            .map_err(|error| refused(error.to_string()))?;
+        Ok(options)
+    }
 }
 
 /// Stamps, rows, and what stands in each column.
@@ -162,24 +195,9 @@ impl RecordingFile {
         settings: Vec<String>,
         asked: AskedNavigation,
     ) -> PyResult<NavigationRun> {
-        let kind = estimator
-            .parse()
-            .map_err(|e: northing_evaluation::EvaluationError| refused(e.to_string()))?;
-        let mut options = NavigationOptions::of_recording(kind, &self.metadata);
-        options.smooth = smooth;
-        for setting in &settings {
-            let set = options.set_from(setting, Origin::Set);
-            set.map_err(|error| refused(error.to_string()))?;
-        }
-        let usual = NavigationOptions::default();
-        options.gnss_every = asked.gnss_every.unwrap_or(usual.gnss_every);
-        options.score_from_s = asked.score_from_s.unwrap_or(usual.score_from_s);
-        options.outages = parsed(&asked.outages)?;
-        options.without = parsed::<navigation::AidKind>(&asked.without)?;
-        options
-            .check()
-            .map_err(|error| refused(error.to_string()))?;
-        NavigationRun::new(py, &self.path, &self.options, options)
+        let options = asked.options(estimator, smooth, &settings, &self.metadata)?;
+        let source = Source::File(self.path.clone());
+        NavigationRun::new(py, source, self.options.clone(), options)
     }
 }
 

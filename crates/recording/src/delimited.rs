@@ -166,8 +166,8 @@ pub(crate) struct DelimitedSource {
     row: Vec<Event>,
     /// Stamp of the row before.
     previous_ns: Option<i64>,
-    /// Midnights since the first row, of times of day.
-    midnights: i64,
+    /// What clocks that started again have lost since the first row, ns: days behind midnight, full counters.
+    carried_ns: i64,
     /// Rows taken so far.
     taken: u64,
 }
@@ -180,7 +180,7 @@ impl DelimitedSource {
             record: ByteRecord::new(),
             row: Vec::new(),
             previous_ns: None,
-            midnights: 0,
+            carried_ns: 0,
             taken: 0,
         }
     }
@@ -218,10 +218,20 @@ impl Pieces for DelimitedSource {
             issues.rows_without_stamp += 1;
             return Ok(true);
         };
-        let time_ns = match self.layout.time_form {
-            TimeForm::TimeOfDay => behind_midnight(time_ns, self.previous_ns, &mut self.midnights),
-            _ => time_ns,
+        let lost_ns = match (self.layout.time_form, self.previous_ns) {
+            (TimeForm::TimeOfDay, Some(previous)) => {
+                day_lost(time_ns, previous.saturating_sub(self.carried_ns))
+            }
+            (TimeForm::Decimal(_), Some(previous)) => {
+                counter_lost(time_ns, previous.saturating_sub(self.carried_ns))
+            }
+            _ => 0,
         };
+        if lost_ns > 0 && matches!(self.layout.time_form, TimeForm::Decimal(_)) {
+            issues.notes.push(started_again(cells.line, lost_ns));
+        }
+        self.carried_ns = self.carried_ns.saturating_add(lost_ns);
+        let time_ns = time_ns.saturating_add(self.carried_ns);
         let interval_ns = self
             .previous_ns
             .replace(time_ns)
@@ -236,14 +246,33 @@ impl Pieces for DelimitedSource {
     }
 }
 
-/// A time of day as one that goes on behind midnight: one more day where it is half a day or more before the row before it.
-fn behind_midnight(time_ns: i64, previous_ns: Option<i64>, midnights: &mut i64) -> i64 {
+/// What a time of day lost at midnight, ns: a day where it is half a day or more before the row before it.
+fn day_lost(time_ns: i64, previous_ns: i64) -> i64 {
     const DAY_NS: i64 = 86_400_000_000_000;
-    let on = |midnights: i64| time_ns.saturating_add(midnights.saturating_mul(DAY_NS));
-    if previous_ns.is_some_and(|previous| on(*midnights) < previous.saturating_sub(DAY_NS / 2)) {
-        *midnights += 1;
+    if time_ns < previous_ns.saturating_sub(DAY_NS / 2) {
+        DAY_NS
+    } else {
+        0
     }
-    on(*midnights)
+}
+
+/// What a counter of 32 bits lost where it was full and started again, ns: of microseconds after 71.6 minutes, of milliseconds
+/// after 49.7 days (`micros()` and `millis()` of Arduino), whatever the unit that they were written in.
+fn counter_lost(time_ns: i64, previous_ns: i64) -> i64 {
+    /// A counter that is full goes on within this; other rows that go back do not end and begin there.
+    const NEAR_NS: i64 = 10_000_000_000;
+    let full = [1_000, 1_000_000].map(|unit_ns| unit_ns << 32);
+    let started_again = |full_ns: &i64| {
+        (full_ns - NEAR_NS..*full_ns).contains(&previous_ns) && (0..NEAR_NS).contains(&time_ns)
+    };
+    full.into_iter().find(started_again).unwrap_or(0)
+}
+
+fn started_again(line: u64, lost_ns: i64) -> String {
+    format!(
+        "The time starts again at line {line}, where a counter of 32 bits is full: {:.6} s are added from there on.",
+        lost_ns as f64 * 1e-9
+    )
 }
 
 /// One row, seen through the layout.

@@ -35,6 +35,9 @@ pub struct Issues {
     pub gyroscope_stamps: u64,
     /// See [`Self::gyroscope_stamps`].
     pub gyroscope_span_s: f64,
+    /// Whether the gyroscope's stamps are dates of our time in their own unit: then no other unit is theirs.
+    #[serde(skip)]
+    pub stamps_are_dates: bool,
     /// The limit above which a pause counts as a gap, s.
     pub gap_limit_s: f64,
     /// The longest gap, s; 0 without gaps.
@@ -55,7 +58,7 @@ impl Issues {
     /// What stamps may be that are too far apart for any gyroscope.
     fn unit_of_stamps(&self) -> Option<String> {
         let intervals = self.gyroscope_stamps.saturating_sub(1);
-        if intervals < FEWEST_INTERVALS || 2 * self.gaps < intervals {
+        if intervals < FEWEST_INTERVALS || 2 * self.gaps < intervals || self.stamps_are_dates {
             return None;
         }
         let interval_s = self.gyroscope_span_s / intervals as f64;

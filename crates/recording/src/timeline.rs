@@ -10,6 +10,9 @@ const SENSORS: usize = SensorKind::ALL.len();
 /// ones are judged at their end.
 const ENOUGH_STAMPS: u64 = 100;
 
+/// Stamps that are dates: from 1990 to 2100, seconds since 1970.
+const DATES_S: std::ops::Range<i64> = 631_152_000..4_102_444_800;
+
 const SORT_ROWS: &str = "sort the rows by time, or check the time column and its unit";
 const SORT_BAG: &str = "within one topic the messages or their stamps are out of order: check the clock that stamps them, or sort \
      the bag by the time of its log, e.g. with `mcap sort`, or with `pip install rosbags` and `rosbags-convert`";
@@ -80,6 +83,9 @@ impl Timeline {
         }
         let first = *self.first_ns.get_or_insert(now);
         if kind == SensorKind::Gyroscope {
+            if issues.gyroscope_stamps == 0 {
+                issues.stamps_are_dates = DATES_S.contains(&(now / 1_000_000_000));
+            }
             issues.gyroscope_stamps += 1;
             if let Some(previous) = previous {
                 issues.gyroscope_span_s += now.saturating_sub(previous) as f64 * 1e-9;

@@ -95,10 +95,11 @@ fn of_smoothing(s: &SmoothingSummary) -> String {
 
 fn position(summary: &NavigationSummary) -> String {
     let Some(score) = &summary.position else {
-        let reason = if summary.outages.is_empty() && summary.fixes_given == summary.fixes {
-            "every fix was used and there is no reference"
+        let left_out = !summary.outages.is_empty() || summary.fixes_given < summary.fixes;
+        let reason = if left_out {
+            "no reference, and no fix held out outside outages, where scores count"
         } else {
-            "nothing to score at outside outages, or before scores count"
+            "every fix was used, and there is no reference where scores count"
         };
         return format!("not scored: {reason}");
     };

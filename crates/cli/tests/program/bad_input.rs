@@ -545,6 +545,19 @@ fn what_is_odd_about_the_sensors_is_remarked() {
         &lab.succeeds(&["run", "ms.csv"]),
         &["stamps look like milliseconds under the name of seconds (100 samples a second then)"],
     );
+    // A logger with one row a second whose stamps are dates: in milliseconds they would be of 1970.
+    let mut text = format!("{IMU}\n");
+    for k in 0..600 {
+        text += &format!(
+            "{},{2},{1},{1},{1},{2},9.8\n",
+            1_740_000_000 + k,
+            noise(k),
+            noise(k + 7)
+        );
+    }
+    lab.write("slow.csv", text);
+    let said = lab.succeeds(&["run", "slow.csv"]);
+    assert!(!said.contains("under the name of"), "{said}");
 }
 
 #[test]

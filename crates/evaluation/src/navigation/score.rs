@@ -334,7 +334,8 @@ impl Scorer {
         let score = |rms: &Rms, against_course: bool, rmse_deg, scale: f64| {
             Some(HeadingScore {
                 rmse_deg,
-                mean_deg: rms.mean()? * scale,
+                // Differences of directions are unwrapped while they are added.
+                mean_deg: wrap((rms.mean()? * scale).to_radians()).to_degrees(),
                 samples: rms.count,
                 against_course,
             })

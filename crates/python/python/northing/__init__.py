@@ -34,6 +34,7 @@ from ._northing import (
     __version__,
 )
 from ._live import live
+from ._navigation import navigation
 from ._recordings import Recording, Samples, compare, open, tune
 from ._results import Attitude, Track, Verdict
 from ._simulated import Campaign, SimulatedRun, VirtualRecording, montecarlo, simulate, virtual_phone, virtual_vehicle
@@ -69,6 +70,7 @@ __all__ = [
     "estimators",
     "live",
     "montecarlo",
+    "navigation",
     "open",
     "simulate",
     "tune",

@@ -113,3 +113,88 @@ def stamps_at(rate: float, rows: int) -> Integers:
         raise ValueError(f"rate={rate!r}: expected samples a second, above 0 and up to 1e6, e.g. rate=100")
     time_ns: Integers = np.rint(np.arange(rows) * (1e9 / rate)).astype(np.int64)
     return time_ns
+
+
+Timed = tuple[Integers, Floats]
+
+
+def gyroscope(gyr: ArrayLike, rate: float | None, t: ArrayLike | None) -> Timed:
+    """Stamps and rows of the gyroscope, whose time is that of sensors without stamps of their own."""
+    rates = vectors("gyr", gyr)
+    if len(rates) == 0:
+        raise ValueError("gyr: no rows; expected angular rates in rad/s, shape (N, 3)")
+    if rate is not None:
+        if t is not None:
+            raise ValueError("give rate= or t=, not both")
+        return stamps_at(float(rate), len(rates)), rates
+    if t is None:
+        raise ValueError("time is missing: give rate= in Hz, or t= in seconds")
+    return stamps("t", t, len(rates)), rates
+
+
+def beside(name: str, values: ArrayLike | None, own_t: ArrayLike | None, time_ns: Integers) -> Timed | None:
+    """Stamps and rows of a sensor beside the gyroscope, with its stamps or its own."""
+    if values is None:
+        if own_t is not None:
+            raise ValueError(f"{name}_t: given without {name}")
+        return None
+    rows = vectors(name, values)
+    if own_t is not None:
+        return stamps(f"{name}_t", own_t, len(rows)), rows
+    if len(rows) != len(time_ns):
+        raise ValueError(
+            f"{name}: {len(rows)} rows, but gyr has {len(time_ns)}; expected as many, or stamps of its own ({name}_t=)"
+        )
+    return time_ns, rows
+
+
+def fixes(
+    names: tuple[str, str, str], expected: str, values: ArrayLike, t: ArrayLike | None, std: ArrayLike | None
+) -> Timed:
+    """Stamps and rows of six: three numbers with their standard deviations, of which the third pair may be missing (NaN).
+
+    ``names`` are those of the arguments for values, stamps and standard deviations.
+    """
+    name, name_t, name_std = names
+    rows = _table(name, values, expected)
+    if t is None:
+        raise ValueError(f"{name_t} is missing: give stamps of {name} in the time of t= (of rate=: from 0 on)")
+    time_ns = stamps(name_t, t, len(rows))
+    if not np.isfinite(rows[:, :2]).all():
+        row = int(np.argmax(~np.isfinite(rows[:, :2]).all(axis=1)))
+        raise ValueError(f"{name}: row {row} is {_shown(rows[row])}, not finite; leave such rows out ({name_t}= says when others were)")
+    if std is None:
+        stated = np.full_like(rows, np.nan)
+    else:
+        given = np.asarray(_without_mask(std), dtype=np.float64)
+        try:
+            stated = np.broadcast_to(given, rows.shape)
+        except ValueError:
+            raise ValueError(
+                f"{name_std}: shape {given.shape}; expected a number, three (north, east, down) or three for each of {len(rows)} rows"
+            ) from None
+        bad = ~(stated > 0.0) & ~np.isnan(stated)
+        missing = np.isnan(stated[:, :2]).any(axis=1) & ~np.isnan(stated).all(axis=1)
+        missing |= np.isnan(stated[:, 2]) & ~np.isnan(stated[:, 0]) & ~np.isnan(rows[:, 2])
+        if (bad.any(axis=1) | missing).any():
+            row = int(np.argmax(bad.any(axis=1) | missing))
+            raise ValueError(
+                f"{name_std}: row {row} is {_shown(stated[row])}; expected standard deviations above 0, or NaN in all three where "
+                "none is stated"
+            )
+    return time_ns, np.hstack([rows, stated])
+
+
+def _table(name: str, values: ArrayLike, expected: str) -> Floats:
+    """Rows of three numbers, which may be NaN."""
+    expected = f"expected {expected}, shape (N, 3)"
+    try:
+        rows = np.asarray(_without_mask(values), dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: not an array of numbers; {expected}") from None
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        hint = "; transpose it" if rows.ndim == 2 and rows.shape[0] == 3 else ""
+        raise ValueError(f"{name}: shape {rows.shape}; {expected}{hint}")
+    if len(rows) == 0:
+        raise ValueError(f"{name}: no rows; {expected}")
+    return rows

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Union
 
+from ._types import Floats, Integers
+
 Path = Union[str, "os.PathLike[str]"]
 Parameter = Union[float, int, bool, str, None, Sequence[float]]
 
@@ -43,6 +45,17 @@ class Asked:
     ignore_reference: bool = False
     align_reference: bool = False
     settings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Stamps and rows of what a navigation run over arrays takes: of fixes and velocities six numbers, values and standard deviations."""
+
+    gyroscope: tuple[Integers, Floats]
+    accelerometer: tuple[Integers, Floats]
+    magnetometer: tuple[Integers, Floats] | None
+    fixes: tuple[Integers, Floats]
+    velocities: tuple[Integers, Floats] | None
 
 
 @dataclass(frozen=True)

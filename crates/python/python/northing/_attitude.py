@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from . import _northing
-from ._arrays import stamps, stamps_at, vectors
+from ._arrays import beside, gyroscope
 from ._asked import Asked, Parameter, Reading, calibrated, settings
 from ._own import AnyEstimator, named
 from ._results import Attitude
-from ._types import ArrayLike, Floats, Integers
+from ._types import ArrayLike
 
 
 def attitude(
@@ -44,31 +44,10 @@ def attitude(
     parameter of the estimator by its name: :func:`northing.estimators` lists both. The result has a row for each row
     of ``gyr``; before the filter is aligned they are NaN. ValueError says what is wrong and in which row first.
     """
-    rates = vectors("gyr", gyr)
-    if len(rates) == 0:
-        raise ValueError("gyr: no rows; expected angular rates in rad/s, shape (N, 3)")
-    if (rate is None) == (t is None):
-        raise ValueError("time is missing: give rate= in Hz, or t= in seconds" if t is None else "give rate= or t=, not both")
-    if rate is not None:
-        time_ns = stamps_at(float(rate), len(rates))
-    else:
-        time_ns = stamps("t", t, len(rates))
-    sensors: dict[str, tuple[Integers, Floats] | None] = {}
-    for name, values, own_t in (("acc", acc, acc_t), ("mag", mag, mag_t)):
-        if values is None:
-            if own_t is not None:
-                raise ValueError(f"{name}_t: given without {name}")
-            sensors[name] = None
-            continue
-        rows = vectors(name, values)
-        if own_t is not None:
-            sensors[name] = (stamps(f"{name}_t", own_t, len(rows)), rows)
-        elif len(rows) != len(rates):
-            raise ValueError(
-                f"{name}: {len(rows)} rows, but gyr has {len(rates)}; expected as many, or stamps of its own ({name}_t=)"
-            )
-        else:
-            sensors[name] = (time_ns, rows)
+    time_ns, rates = gyroscope(gyr, rate, t)
+    sensors = {
+        name: beside(name, values, own_t, time_ns) for name, values, own_t in (("acc", acc, acc_t), ("mag", mag, mag_t))
+    }
     asked = Asked(
         estimator=named(estimator),
         profile=profile,

@@ -24,6 +24,10 @@ class _AskedNavigation(Protocol):
     @property
     def gnss_every(self) -> int | None: ...
 
+class _Measured(Protocol):
+    @property
+    def fixes(self) -> tuple[Integers, Floats]: ...
+
 class _AskedScenario(Protocol):
     @property
     def scenario(self) -> str | PathLike[str]: ...
@@ -39,6 +43,14 @@ def attitude(
 def compare(
     paths: Sequence[str | PathLike[str]], estimators: Sequence[str], asked: _Asked, reading: _Reading
 ) -> list[str]: ...
+def navigation(
+    measured: _Measured,
+    estimator: str,
+    smooth: bool,
+    settings: Sequence[str],
+    asked: _AskedNavigation,
+    reading: _Reading,
+) -> NavigationRun: ...
 def estimators() -> str: ...
 def calibrate_rest(file: RecordingFile, which: str | None, start: float | None, stop: float | None) -> str: ...
 def calibrate_magnetometer(

@@ -133,6 +133,29 @@ fn time_that_stumbles_is_counted_and_time_that_runs_back_refused() {
     );
 }
 
+/// `micros()` of a board starts again after 4294.967296 s, whatever the unit that it was written in.
+#[test]
+fn a_counter_of_32_bits_that_starts_again_goes_on() {
+    let full_us = 1_u64 << 32;
+    let stamps = (0..400_u64).map(|k| (2 * full_us - 1_000_000 + 10_000 * k) % full_us);
+    let rows: String = stamps
+        .map(|us| format!("{}.{:06},0.1,0,0\n", us / 1_000_000, us % 1_000_000))
+        .collect();
+    let mut recording = csv(&format!("t_s,{GYRO}\n{rows}")).unwrap();
+    let events = events(&mut recording).unwrap();
+    assert_eq!(events.len(), 400);
+    for pair in events.windows(2) {
+        assert_eq!(pair[1].time_ns - pair[0].time_ns, 10_000_000);
+    }
+    let said = recording.issues().sentences();
+    assert_eq!(
+        said,
+        [
+            "The time starts again at line 102, where a counter of 32 bits is full: 4294.967296 s are added from there on."
+        ]
+    );
+}
+
 #[test]
 fn bad_cells_name_line_and_column() {
     let error = error_of(csv(&format!(

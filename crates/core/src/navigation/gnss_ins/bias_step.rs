@@ -228,7 +228,7 @@ impl<T: Scalar> BiasSteps<T> {
             let responses = since.as_ref().map(|since| &since.responses);
             core::array::from_fn(|i| responses.and_then(|of| of[i].fit(stds[i])))
         });
-        let (mut best, mut jumped) = (None, T::zero());
+        let (mut best, mut jumped, mut alone) = (None, T::zero(), T::zero());
         for (k, of) in fits.iter().enumerate() {
             // One position may be off by itself: a step is seen by two.
             let seen_once = !self.instants.get(k + 1).is_some_and(Option::is_some);
@@ -236,6 +236,9 @@ impl<T: Scalar> BiasSteps<T> {
                 let Some(fit) = fit else { continue };
                 if i == JUMP {
                     jumped = jumped.max(fit.gain);
+                    if seen_once {
+                        alone = fit.gain;
+                    }
                 } else if !seen_once
                     && best.is_none_or(|(.., before): (_, _, Fit<T>)| fit.gain > before.gain)
                 {
@@ -244,7 +247,8 @@ impl<T: Scalar> BiasSteps<T> {
             }
         }
         let (k, i, best) = best.filter(|(.., best)| best.gain > jumped)?;
-        (best.gain > lit(LEAST_GAIN)).then_some(())?;
+        // Where one fix that is off would explain it nearly as well, the next fix decides.
+        (best.gain > alone + lit(LEAST_GAIN)).then_some(())?;
         let since = self.instants[k].as_ref()?;
         let mut step = Step {
             sensor: SENSORS[i],

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::attitude::reference::clock::{self, Clock};
 use crate::attitude::reference::rates::{Series, Window};
+use crate::attitude::reference::reading::Reading;
 
 /// Fewer windows than this, or less turning, say nothing.
 const FEWEST_WINDOWS: usize = 100;
@@ -22,6 +23,8 @@ const FEWEST_WINDOWS: usize = 100;
 pub(super) const LEAST_MOTION_RAD_S: f64 = 0.1;
 /// Correlation of the rate vectors below which they are of different motions.
 const LEAST_CORRELATION: f64 = 0.6;
+/// Correlation of the rate vectors from which on they are of one motion.
+const SURE_CORRELATION: f64 = 0.9;
 /// Steps of the least squares.
 const STEPS: usize = 6;
 /// Half the span over which the derivative with respect to the offset is taken, s.
@@ -60,12 +63,25 @@ pub struct ReferenceAlignment {
 pub enum ReferenceProblem {
     /// It shows another motion.
     #[error(
-        "its angular rates and those of the gyroscope correlate by {correlation:.2} at best, so it belongs to another \
-         recording or another body"
+        "its angular rates and those of the gyroscope correlate by {correlation:.2} at best: it belongs to another recording or \
+         another body, or its numbers are no quaternions in the order and direction that they are read in"
     )]
     OtherMotion {
         /// The best correlation, over all offsets of the clocks.
         correlation: f64,
+    },
+    /// Its quaternions are read in another order, or the other way, than they were written.
+    #[error(
+        "its angular rates and those of the gyroscope correlate by {correlation:.2}, but by {reread:.2} where its quaternions \
+         are read {reading}; a manifest says so (`northing describe` drafts one)"
+    )]
+    OtherReading {
+        /// How they have to be read.
+        reading: Reading,
+        /// Correlation as they are read.
+        correlation: f64,
+        /// Correlation when they are read so.
+        reread: f64,
     },
     /// Its clock runs at another rate.
     #[error(
@@ -177,11 +193,31 @@ pub(crate) fn find(series: &Series<'_>) -> Result<Option<ReferenceAlignment>, Re
     let found = Fit::start(series, offset).and_then(|fit| fit.refined(series));
     match found {
         Some(found) if found.correlation < LEAST_CORRELATION => {
-            Err(ReferenceProblem::OtherMotion {
-                correlation: found.correlation,
-            })
+            Err(other_reading(series, offset, found.correlation))
         }
         found => Ok(found),
+    }
+}
+
+/// Whether another reading of the quaternions explains rates that are as fast as the gyroscope's, but about other axes.
+///
+/// Norms of rates are the same in each reading, so that their clock is found in all of them: an inverse turns as fast, and
+/// numbers in another order are a rotation of the quaternion's four dimensions.
+fn other_reading(series: &Series<'_>, offset_s: f64, correlation: f64) -> ReferenceProblem {
+    let read = |reading: Reading| {
+        let windows: Vec<Window> = series.windows.iter().map(|w| reading.of(w)).collect();
+        let again = series.with(&windows);
+        let found = Fit::start(&again, offset_s).and_then(|fit| fit.refined(&again))?;
+        Some((reading, found.correlation))
+    };
+    let best = Reading::ALL.into_iter().filter_map(read);
+    match best.max_by(|(_, a), (_, b)| a.total_cmp(b)) {
+        Some((reading, reread)) if reread > SURE_CORRELATION => ReferenceProblem::OtherReading {
+            reading,
+            correlation,
+            reread,
+        },
+        _ => ReferenceProblem::OtherMotion { correlation },
     }
 }
 

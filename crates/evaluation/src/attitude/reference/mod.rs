@@ -6,6 +6,7 @@
 //! | clock offset and misalignment by angular rates, in words | `alignment.rs` |
 //! | another rate of the clock, a jump, another motion | `clock.rs` |
 //! | the rates that these are found by | `rates.rs` |
+//! | quaternions that were read in another order, or the other way | `reading.rs` |
 //! | references put on the sensors' clock | `aligned.rs` |
 //! | all of it beside a run, and in words | `watch.rs` |
 
@@ -13,6 +14,7 @@ mod aligned;
 mod alignment;
 mod clock;
 mod rates;
+mod reading;
 mod scorer;
 #[cfg(test)]
 pub(crate) mod simulated;
@@ -30,6 +32,7 @@ pub(crate) use aligned::Aligned;
 use alignment::find;
 pub use alignment::{ReferenceAlignment, ReferenceProblem};
 use rates::Rates;
+pub use reading::{Order, Reading};
 pub use scorer::ScoredRecord;
 use scorer::Scorer;
 pub(crate) use watch::ReferenceWatch;

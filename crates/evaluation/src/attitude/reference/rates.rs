@@ -48,6 +48,8 @@ pub(crate) struct Window {
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
     pub(crate) rate: Vector3<f64>,
+    /// At both ends, as they were read.
+    pub(crate) attitudes: [UnitQuaternion<f64>; 2],
 }
 
 impl Window {
@@ -142,6 +144,7 @@ impl Rates {
                 from_s: last_s,
                 to_s: now_s,
                 rate: so3::log(&(last.inverse() * now)) / interval,
+                attitudes: [last, now],
             });
         }
         self.last_reference = Some((now_s, now));
@@ -182,6 +185,15 @@ pub(crate) struct Series<'a> {
 }
 
 impl Series<'_> {
+    /// The same gyroscope beside other windows.
+    pub(crate) fn with<'a>(&self, windows: &'a [Window]) -> Series<'a> {
+        Series {
+            windows,
+            sums: self.sums.clone(),
+            pauses: self.pauses.clone(),
+        }
+    }
+
     /// Length of the gyroscope's part, s.
     pub(crate) fn duration_s(&self) -> f64 {
         self.pauses.len() as f64 * CELL_S

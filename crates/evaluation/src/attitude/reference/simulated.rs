@@ -30,6 +30,8 @@ pub(crate) struct Turned {
     pub(crate) magnetometer: bool,
     /// About how many axes it turns: 1 is a turntable.
     pub(crate) axes: usize,
+    /// How the reference's attitude is read from what it is.
+    pub(crate) read: fn(UnitQuaternion<f64>) -> UnitQuaternion<f64>,
 }
 
 impl Default for Turned {
@@ -47,6 +49,7 @@ impl Default for Turned {
             speed: 1.0,
             magnetometer: true,
             axes: 3,
+            read: |q| q,
         }
     }
 }
@@ -129,7 +132,7 @@ impl Turned {
             Event {
                 time_ns: ((self.stamp)(t) * 1e9).round() as i64,
                 sample: Sample::Reference(Reference {
-                    attitude: sensor * self.mounting * noise,
+                    attitude: (self.read)(sensor * self.mounting * noise),
                     scored: true,
                 }),
             }

@@ -1,9 +1,9 @@
 //! Clocks and mountings of simulated references, found and refused.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::simulated::Turned;
-use super::{ReferenceAlignment, ReferenceProblem, ReferenceUse, fit};
+use super::{Order, Reading, ReferenceAlignment, ReferenceProblem, ReferenceUse, fit};
 use crate::attitude::runner::run;
 use crate::attitude::{EstimatorKind, Profile, RunOptions, RunSummary};
 use crate::error::EvaluationError;
@@ -192,6 +192,51 @@ fn a_reference_of_another_recording_is_refused_with_the_correlation() {
         let ignored = scored(&turned, ReferenceUse::Ignored).unwrap();
         assert!(ignored.error_deg.is_none() && ignored.reference.is_none());
     }
+}
+
+/// x, y, z, w taken for w, x, y, z, the reverse, and the inverse: each is named, and not another recording's.
+#[test]
+fn a_quaternion_read_the_wrong_way_is_told_from_another_recording() {
+    type Read = fn(UnitQuaternion<f64>) -> UnitQuaternion<f64>;
+    let rolled: Read = |q| UnitQuaternion::from_quaternion(Quaternion::new(q.i, q.j, q.k, q.w));
+    let back: Read = |q| UnitQuaternion::from_quaternion(Quaternion::new(q.k, q.w, q.i, q.j));
+    let both: Read = |q| UnitQuaternion::from_quaternion(Quaternion::new(-q.i, -q.j, -q.k, q.w));
+    let cases: [(Read, Order, bool); 4] = [
+        (|q| q.inverse(), Order::AsRead, true),
+        (rolled, Order::ScalarLast, false),
+        (back, Order::ScalarFirst, false),
+        (both, Order::ScalarLast, true),
+    ];
+    for seed in 1..=4 {
+        for (read, order, is_inverse) in cases {
+            let turned = Turned {
+                seed,
+                reference_seed: seed,
+                mounting: mounted(),
+                stamp: |t| t - 0.217,
+                read,
+                ..Turned::default()
+            };
+            let ReferenceProblem::OtherReading {
+                reading, reread, ..
+            } = problem(&turned)
+            else {
+                panic!("{:?}", problem(&turned));
+            };
+            assert_eq!(reading, Reading { order, is_inverse }, "seed {seed}");
+            assert!(reread > 0.97, "{reread}");
+        }
+    }
+    let inverse = Turned {
+        read: |q| q.inverse(),
+        ..Turned::default()
+    };
+    let refused = scored(&inverse, ReferenceUse::AsIs).unwrap_err();
+    let refused = refused.to_string();
+    assert!(
+        refused.contains("quaternions are read inverted"),
+        "{refused}"
+    );
 }
 
 /// Nothing is concluded, and nothing refused, where nothing moves or hardly anything was recorded.

@@ -146,8 +146,7 @@ impl Session<'_> {
         }
         if position.is_none() && self.scorer.too_early() > 0 {
             issues.push(format!(
-                "{} points could be scored, all in the first {:.0} s after the first fix: --score-from 10 counts \
-                 those after 10 s.",
+                "{} points could be scored, all in the first {:.0} s after the first fix: --score-from 0 counts all of them.",
                 self.scorer.too_early(),
                 self.options.score_from_s
             ));
