@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 
 use northing_evaluation::attitude::parameters::Parameters;
+use northing_evaluation::statistics::verdict::findings::{Cause, Finding};
 use northing_evaluation::{
     EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, run,
 };
+use northing_recording::plausibility::Plausibility;
 use northing_recording::wire::events;
-use northing_recording::{Event, SensorKind};
+use northing_recording::{Event, OpenOptions, RecordingError, SensorKind};
 use rayon::prelude::*;
 
 use crate::messages::SensorUse;
@@ -106,6 +108,33 @@ fn run_all(
     runs.collect()
 }
 
+/// What readers of files refuse: numbers that are of another unit, or of other axes.
+fn wrong_unit(events: &[Event]) -> Option<Finding> {
+    let mut plausibility = Plausibility::new(&OpenOptions::default());
+    let mut checked = events
+        .iter()
+        .try_for_each(|event| plausibility.check(event, ""));
+    checked = checked.and_then(|()| plausibility.finish(""));
+    let Err(RecordingError::ImplausibleUnit {
+        sensor, evidence, ..
+    }) = checked
+    else {
+        return None;
+    };
+    let kind = SensorKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == sensor)?;
+    Some(Finding {
+        cause: Cause::Unit,
+        sensor: kind,
+        confidence: 0.97,
+        sentence: format!(
+            "The numbers of the {sensor} are not what is said of them: {evidence}. Nothing here is right before that is put right \
+             where they are sent."
+        ),
+    })
+}
+
 impl Finished {
     /// With its results and its hash.
     ///
@@ -123,6 +152,11 @@ impl Finished {
         let summaries = run_all(&self.experiment, &self.options, &self.estimators)
             .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
         self.summaries = summaries;
+        if let Some(wrong) = wrong_unit(&self.experiment.events) {
+            for summary in self.summaries.values_mut() {
+                summary.findings.insert(0, wrong.clone());
+            }
+        }
         self.hash = hash(events);
         Ok(self)
     }
@@ -192,13 +226,18 @@ impl Finished {
             .iter()
             .map(|(name, s)| {
                 let test = s.final_test.as_ref();
+                // Of the samples by which the sensor is judged: one that a magnet explains says nothing of its R.
+                let nis = |sensor: SensorKind, of_all: Option<f64>| {
+                    let judged = s.verdicts.iter().find(|verdict| verdict.sensor == sensor);
+                    judged.map(|verdict| verdict.mean_nis).or(of_all)
+                };
                 let cell = ResultCell {
                     calculated_error_deg: test.map(|t| t.calculated_error_deg),
                     estimated_error_deg: test.and_then(|t| t.estimated_error_deg),
                     verdict: test.and_then(|t| t.verdict),
-                    nis_acc: s.nis_mean.accelerometer,
-                    nis_mag: s.nis_mean.magnetometer,
-                    nis_compass: s.nis_mean.compass,
+                    nis_acc: nis(SensorKind::Accelerometer, s.nis_mean.accelerometer),
+                    nis_mag: nis(SensorKind::Magnetometer, s.nis_mean.magnetometer),
+                    nis_compass: nis(SensorKind::CompassHeading, s.nis_mean.compass),
                     error_deg: error_deg(s),
                 };
                 ((*name).to_owned(), cell)

@@ -10,6 +10,7 @@ use northing_recording::{
 };
 
 use crate::files::STDIN;
+use crate::files::output::check_not_input;
 
 /// Options about the recording itself.
 #[derive(Debug, Clone, Args)]
@@ -75,6 +76,24 @@ impl InputArgs {
             gap_limit_s: self.gap_limit,
             ..OpenOptions::default()
         }
+    }
+
+    /// Refuses an output that is one of the files being read: not even `--force` means that.
+    ///
+    /// # Errors
+    /// It is one.
+    pub(crate) fn check_not_read(
+        &self,
+        output: &Path,
+        recording: &Path,
+        data: &DataArgs,
+    ) -> Result<()> {
+        let others = self.manifest.iter().chain(&self.reference);
+        let all = [recording].into_iter().chain(others.map(PathBuf::as_path));
+        for input in all {
+            check_not_input(output, input, data.data.as_deref())?;
+        }
+        Ok(())
     }
 
     /// Opens a recording, `-` being standard input.

@@ -10,8 +10,9 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use northing_recording::atomic_file::write_whole;
 
+use crate::arguments::input::{DataArgs, InputArgs};
 use crate::files::STDIN as STDOUT;
-use crate::files::output::{check_free, check_not_input, report_written, same_file};
+use crate::files::output::{check_free, report_written, same_file};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]
@@ -56,7 +57,7 @@ struct OutputArgs {
 
 impl OutputArgs {
     /// Refuses outputs that cannot be written, before any work is done for them.
-    fn check(&self, recording: &Path, report: Option<&Path>) -> Result<()> {
+    fn check(&self, input: &InputArgs, recording: &Path, report: Option<&Path>) -> Result<()> {
         if self.prints_toml() && self.json {
             bail!("--json and --out - both want standard output; name a file for one of them");
         }
@@ -70,7 +71,7 @@ impl OutputArgs {
         }
         for output in self.file().into_iter().chain(report) {
             check_free(output, self.force)?;
-            check_not_input(output, recording)?;
+            input.check_not_read(output, recording, &DataArgs::default())?;
         }
         Ok(())
     }

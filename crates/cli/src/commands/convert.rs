@@ -12,7 +12,7 @@ use northing_recording::{
 use serde::Serialize;
 
 use crate::arguments::input::{DataArgs, InputArgs};
-use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::files::output::{check_free, print, print_json};
 use crate::files::shown;
 use crate::progress::watched;
 
@@ -70,7 +70,8 @@ pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
         bail!("no output named; expected northing convert RECORDING OUTPUT");
     };
     check_free(output, args.force)?;
-    check_not_input(output, &args.recording)?;
+    args.input
+        .check_not_read(output, &args.recording, &args.data)?;
     let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let samples = if has_extension(output, "tum") {
         write_trajectory(&mut recording, output, args)?

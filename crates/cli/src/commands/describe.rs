@@ -79,7 +79,7 @@ pub(crate) fn execute(args: &DescribeArgs) -> Result<()> {
             );
         }
         for file in &args.files {
-            check_not_input(out, file)?;
+            check_not_input(out, file, None)?;
         }
         check_free(out, args.force)?;
     }

@@ -18,8 +18,8 @@ use northing_recording::{Event, Metadata};
 
 use crate::arguments::estimation::{Asked, EstimationArgs};
 use crate::arguments::exercise::{card, language};
-use crate::arguments::input::InputArgs;
-use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::arguments::input::{DataArgs, InputArgs};
+use crate::files::output::{check_free, print, print_json};
 use crate::files::{setup, shown};
 use crate::progress::watched;
 use crate::text::exercise::reasons;
@@ -97,7 +97,8 @@ pub(crate) fn execute(args: &HandInArgs) -> Result<()> {
     let answers = answers(args.card, &args.answers)?;
     let default = || format!("{}.zip", HandIn::name_of(args.card, &student)).into();
     let out: PathBuf = args.out.clone().unwrap_or_else(default);
-    check_not_input(&out, &args.recording)?;
+    args.input
+        .check_not_read(&out, &args.recording, &DataArgs::default())?;
     check_free(&out, args.force)?;
     let asked = asked(args)?;
     let mut recording = args.input.open(&args.recording)?;

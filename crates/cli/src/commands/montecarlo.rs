@@ -9,11 +9,12 @@ use northing_experiments::radar::{Campaign, CampaignOutcome, Part, Shard};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::scenario::{self, ScenarioArgs};
-use crate::files::output::{check_free, print, print_json};
+use crate::files::output::{check_ending, check_free, check_not_input, print, print_json};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 use crate::text::table::Table;
-use northing_report::{campaign_outcome, campaign_part};
+use northing_report::campaign_outcome::{self, FEWEST_FOR_VERDICT, counted};
+use northing_report::campaign_part;
 
 /// Arguments of `montecarlo`.
 #[derive(Debug, Args)]
@@ -111,12 +112,18 @@ fn execute_campaign(args: &MonteCarloArgs, wanted: &ScenarioArgs) -> Result<()> 
         None => Shard::WHOLE,
     };
     let campaign = Campaign::new(&scenario, &wanted.trackers, seed, runs)?;
+    for output in args.out.iter().chain(&args.shown.report) {
+        check_not_input(output, &wanted.scenario, None)?;
+    }
     check_outputs(args.out.as_deref(), &args.shown)?;
     let part = run(&campaign, shard, runs, args.threads)?;
     conclude(&part, args.out.as_deref(), &args.shown)
 }
 
 fn check_outputs(out: Option<&Path>, shown: &ShownArgs) -> Result<()> {
+    if let Some(out) = out {
+        check_ending(out, "parquet", "sums of a campaign are written as Parquet")?;
+    }
     for path in out.into_iter().chain(shown.report.as_deref()) {
         check_free(path, shown.force)?;
     }
@@ -208,16 +215,20 @@ fn text(outcome: &CampaignOutcome) -> String {
     }
     let navigation = &outcome.navigation;
     format!(
-        "{}: {} runs, seed {}, {:.1} s\n\n{}\n\
-         RMSE over the runs. NEES: 4 is consistent, more is overconfident; the mean of {} runs should lie in \
-         {low:.2} to {high:.2}.\n\
+        "{}: {}, seed {}, {:.1} s\n\n{}\n\
+         RMSE over the runs. NEES: 4 is consistent, more is overconfident. In band: the scans at which the mean of {} lies \
+         in {low:.2} to {high:.2}, as it does at 95 % of them when the tracker is consistent.{}\n\
          Navigation: heading {:.2} deg stated, {:.2} deg true; pose NEES {:.2} of 3.\n",
         outcome.scenario,
-        outcome.runs,
+        counted(outcome.runs, "run"),
         outcome.seed,
         outcome.elapsed_s,
         table.render("  "),
-        outcome.runs,
+        counted(outcome.runs, "run"),
+        match outcome.runs < FEWEST_FOR_VERDICT {
+            true => " So few runs do not tell trackers apart.",
+            false => "",
+        },
         navigation.heading_std_deg,
         navigation.heading_rmse_deg,
         navigation.pose_nees_mean,

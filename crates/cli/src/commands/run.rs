@@ -12,9 +12,7 @@ use northing_evaluation::attitude::{Calibrations, EstimateFile, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::estimation::{Asked, aligned_reference, run_over};
-use crate::files::output::{
-    check_free, check_not_input, print, print_json, report_written, same_file,
-};
+use crate::files::output::{check_free, print, print_json, report_written, same_file};
 use crate::files::setup;
 use crate::files::shown;
 use crate::invocation::command_line;
@@ -64,7 +62,8 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         check_free(report, args.force)?;
     }
     for output in args.report.iter().chain(&args.out) {
-        check_not_input(output, &args.recording)?;
+        args.input
+            .check_not_read(output, &args.recording, &args.data)?;
     }
     let for_foxglove = foxglove::file(args)?;
     let out = args.out.as_ref().filter(|_| for_foxglove.is_none());

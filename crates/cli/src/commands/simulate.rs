@@ -9,7 +9,7 @@ use northing_experiments::radar::{Campaign, SingleRun};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::scenario::{self, ScenarioArgs};
-use crate::files::output::{check_free, print, print_json};
+use crate::files::output::{check_ending, check_free, check_not_input, print, print_json};
 use crate::text::table::Table;
 
 /// Arguments of `simulate`.
@@ -48,6 +48,8 @@ pub(crate) fn execute(args: &SimulateArgs) -> Result<()> {
     let seed = wanted.seed.unwrap_or(scenario.meta.seed);
     let campaign = Campaign::new(&scenario, &wanted.trackers, seed, 1)?;
     if let Some(path) = &args.out {
+        check_ending(path, "csv", "a run is written as CSV")?;
+        check_not_input(path, &wanted.scenario, None)?;
         check_free(path, args.force)?;
     }
     let run = SingleRun::of(&campaign, &scenario.meta.name, seed, args.run);

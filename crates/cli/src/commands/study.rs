@@ -18,7 +18,7 @@ use northing_recording::{OpenOptions, has_extension, tracking};
 use northing_report::study_part::{self, StudyPart};
 
 use crate::arguments::recordings;
-use crate::files::output::{check_free, print, print_json};
+use crate::files::output::{check_ending, check_free, print, print_json};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 use crate::text::table::Table;
@@ -328,6 +328,7 @@ fn run(
 
 fn execute_merge(args: &MergeArgs) -> Result<()> {
     if let Some(out) = &args.out {
+        check_ending(out, "parquet", "a table of a study is written as Parquet")?;
         check_free(out, args.force)?;
     }
     let mut parts = Vec::new();

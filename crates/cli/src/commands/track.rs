@@ -133,7 +133,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
             bail!("{option} is about one recording; name one, or leave {option} out");
         }
         for recording in &args.recordings {
-            check_not_input(output, recording)?;
+            check_not_input(output, recording, args.data.as_deref())?;
         }
         check_free(output, args.force)?;
     }

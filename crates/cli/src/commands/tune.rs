@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::arguments::input::{DataArgs, InputArgs, positive_seconds};
 use crate::arguments::settings::SettingArgs;
-use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::files::output::{check_free, print, print_json};
 use crate::files::shown;
 use crate::files::toml_file::in_comment;
 use crate::interrupt::happened;
@@ -90,7 +90,8 @@ struct Json<'a> {
 /// Fits.
 pub(crate) fn execute(args: &TuneArgs) -> Result<()> {
     if let Some(out) = &args.out {
-        check_not_input(out, &args.recording)?;
+        args.input
+            .check_not_read(out, &args.recording, &args.data)?;
         check_free(out, args.force)?;
     }
     let named = match args.estimator {

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use northing_recording::AtomicFile;
 use northing_recording::atomic_file::write_whole;
+use northing_recording::limits::read_description;
+use northing_recording::{AtomicFile, has_extension};
 use serde::Serialize;
 
 /// Writes text to standard output.
@@ -34,11 +35,69 @@ pub(crate) fn check_free(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// Refuses an output that is the recording being read: not even `--force` means that.
-pub(crate) fn check_not_input(output: &Path, input: &Path) -> Result<()> {
-    if same_file(output, input) {
+/// Refuses an output that is the recording being read, a file of it or of its folder, or a file that it names where it is a
+/// manifest or a scenario: not even `--force` means that. `data` is where the manifest's files are, beside it without.
+pub(crate) fn check_not_input(output: &Path, input: &Path, data: Option<&Path>) -> Result<()> {
+    let is_part = if input.is_dir() {
+        let folder = output
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        output.exists() && same_file(folder.unwrap_or(Path::new(".")), input)
+    } else {
+        files_named_in(input, data)
+            .iter()
+            .any(|file| same_file(output, file))
+    };
+    if same_file(output, input) || is_part {
         bail!(
-            "{}: it is the recording being read; name another file to write",
+            "{}: it is {} being read; name another file to write",
+            output.display(),
+            if is_part {
+                "a file of the recording"
+            } else {
+                "the recording"
+            }
+        );
+    }
+    Ok(())
+}
+
+/// The files that exist among the texts of a description in TOML; none of what is no such description.
+fn files_named_in(input: &Path, data: Option<&Path>) -> Vec<PathBuf> {
+    if !has_extension(input, "toml") {
+        return Vec::new();
+    }
+    let Ok(text) = read_description(input) else {
+        return Vec::new();
+    };
+    let Ok(table) = text.parse::<toml::Table>() else {
+        return Vec::new();
+    };
+    let folder = data.or(input.parent()).unwrap_or(Path::new(""));
+    let mut files = Vec::new();
+    gather_files(&toml::Value::Table(table), folder, &mut files);
+    files
+}
+
+fn gather_files(value: &toml::Value, folder: &Path, files: &mut Vec<PathBuf>) {
+    match value {
+        toml::Value::String(name) => {
+            let file = folder.join(name);
+            files.extend(file.is_file().then_some(file));
+        }
+        toml::Value::Array(all) => all.iter().for_each(|one| gather_files(one, folder, files)),
+        toml::Value::Table(table) => table
+            .iter()
+            .for_each(|(_, one)| gather_files(one, folder, files)),
+        _ => {}
+    }
+}
+
+/// Refuses an output whose ending is that of another format.
+pub(crate) fn check_ending(output: &Path, ending: &str, what: &str) -> Result<()> {
+    if !has_extension(output, ending) {
+        bail!(
+            "{}: {what}; name a file that ends in .{ending}",
             output.display()
         );
     }
@@ -107,8 +166,30 @@ mod tests {
         let detour = folder.path().join(".").join("a.csv");
         assert!(same_file(&path, &detour), "before it exists");
         std::fs::write(&path, "x").unwrap();
-        assert!(same_file(&path, &detour) && check_not_input(&detour, &path).is_err());
-        assert!(check_not_input(&folder.path().join("b.csv"), &path).is_ok());
+        assert!(same_file(&path, &detour) && check_not_input(&detour, &path, None).is_err());
+        assert!(check_not_input(&folder.path().join("b.csv"), &path, None).is_ok());
+    }
+
+    #[test]
+    fn what_a_manifest_names_or_a_folder_holds_is_being_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let [manifest, fixes, data, other] =
+            ["m.toml", "fixes.csv", "data", "other.csv"].map(|name| folder.path().join(name));
+        std::fs::create_dir(&data).unwrap();
+        std::fs::write(&manifest, "[[sensors]]\ndetections = 'fixes.csv'\n").unwrap();
+        for file in [&fixes, &data.join("fixes.csv"), &other] {
+            std::fs::write(file, "x").unwrap();
+        }
+        let said = check_not_input(&fixes, &manifest, None).unwrap_err();
+        assert!(
+            said.to_string().contains("a file of the recording"),
+            "{said}"
+        );
+        assert!(check_not_input(&other, &manifest, None).is_ok());
+        assert!(check_not_input(&data.join("fixes.csv"), &manifest, Some(&data)).is_err());
+        assert!(check_not_input(&fixes, &manifest, Some(&data)).is_ok());
+        assert!(check_not_input(&other, folder.path(), None).is_err());
+        assert!(check_not_input(&folder.path().join("new.csv"), folder.path(), None).is_ok());
     }
 
     #[test]

@@ -35,8 +35,8 @@ const WINDOW_NS: i64 = 1_000_000_000;
 const STILL_RAD_S: f64 = 0.1;
 /// Largest change of a second's mean rate at rest, rad/s: more is a slow turn.
 const TURNING_RAD_S: f64 = 0.02;
-/// Largest mean rate that can still be a gyroscope bias, rad/s (11 deg/s).
-const LARGEST_BIAS_RAD_S: f64 = 0.2;
+/// Largest mean rate that can still be a gyroscope bias, rad/s (23 deg/s): of the common ones the worst is sold with up to 20 deg/s.
+const LARGEST_BIAS_RAD_S: f64 = 0.4;
 /// Largest angle between the directions of gravity, and of the references, of the same pose, deg.
 const SAME_POSE_DEG: f64 = 3.0;
 /// Largest turn that the magnetic field may show between the two rests, deg: fields change indoors.

@@ -47,6 +47,10 @@ pub struct SensorVerdict {
     /// By how much the variance of the bulk of the residuals differs from what was stated: 9 means
     /// that `R` is about 9 times too small. `None` with too few samples.
     pub variance_factor: Option<f64>,
+    /// The mean NIS that it is judged by: of the samples that nothing else explains.
+    #[serde(skip)]
+    #[cfg_attr(feature = "typescript", ts(skip))]
+    pub mean_nis: f64,
     /// 0 to 1: one less the probability that a consistent R shows as large a mean NIS by chance; for a consistent R that
     /// probability.
     pub confidence: f64,
@@ -142,6 +146,7 @@ pub fn judge(
         sensor,
         verdict,
         variance_factor: (enough && verdict != NoiseVerdict::Undetermined).then_some(factor),
+        mean_nis: nis.mean,
         confidence: confidence(nis, verdict),
         mean_nis_band: band,
         sentences,

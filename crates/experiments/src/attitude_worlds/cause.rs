@@ -77,6 +77,8 @@ pub fn named_cause(summary: &RunSummary) -> Cause {
         return Cause::NONE;
     };
     match first.cause {
+        // The lab's alone: of worlds the units are known.
+        findings::Cause::Unit => Cause::NONE,
         findings::Cause::Stuck => Cause::Stuck,
         findings::Cause::Hole => Cause::Fault(WorldFault::Hole),
         findings::Cause::Saturation => Cause::Fault(WorldFault::Saturation),

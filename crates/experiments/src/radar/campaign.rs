@@ -8,13 +8,14 @@ use std::ops::Range;
 use std::time::Instant;
 
 use nalgebra::Vector4;
+use northing_core::ConfigError;
 use northing_core::geometry::trigonometry::wrap;
 use northing_simulation::scenario::TrackingWorld;
 use northing_simulation::scenario::schema::Scenario;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::experiment::{NavigationRecord, RunWatcher, TrackRecord, run};
+use super::experiment::{NavigationRecord, RunWatcher, TrackRecord, check_navigation, run};
 use super::sums::{
     CampaignSums, HEADING_FACTOR, NEES, POSE_ERROR, POSE_NEES, POSE_VARIANCE, POSITION, VELOCITY,
 };
@@ -44,6 +45,9 @@ pub enum CampaignError {
     /// No runs.
     #[error("runs is 0, expected at least 1")]
     NoRuns,
+    /// The navigation filter refuses what the scenario says.
+    #[error("the navigation filter cannot start with this scenario: {0}")]
+    Navigation(ConfigError),
     /// A shard that there is not.
     #[error(transparent)]
     NoSuchShard(#[from] ShardError),
@@ -204,8 +208,10 @@ impl Campaign {
         }
         kinds.sort_unstable();
         kinds.dedup();
+        let world = TrackingWorld::new(scenario);
+        check_navigation(&world, seed).map_err(CampaignError::Navigation)?;
         Ok(Self {
-            world: TrackingWorld::new(scenario),
+            world,
             kinds,
             seed,
             runs,

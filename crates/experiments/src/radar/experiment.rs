@@ -1,6 +1,7 @@
 //! One run: a navigation filter, and every tracker on the same measurements.
 
 use nalgebra::{Matrix3, Vector3, Vector4};
+use northing_core::ConfigError;
 use northing_core::geometry::trigonometry::wrap;
 use northing_core::kalman::{ErrorListener as _, Outcome};
 use northing_core::navigation::{ERRORS, GnssCompassFix, STATES};
@@ -93,18 +94,31 @@ pub fn run(
     }
 }
 
+/// Whether the navigation filter starts with what the scenario says.
+///
+/// # Errors
+/// The parameter that it refuses.
+pub(super) fn check_navigation(world: &TrackingWorld, seed: u64) -> Result<(), ConfigError> {
+    let run = world.run(seed, 0);
+    match world.scenario().navigation.filter {
+        NavigationFilter::ErrorState => PaperNavigator::new(world, &run).map(|_| ()),
+        NavigationFilter::GnssIns => GnssInsNavigator::new(world, &run).map(|_| ()),
+    }
+}
+
 fn run_with<const N: usize, V: Navigator<N>>(
     world: &TrackingWorld,
     kinds: &[TrackerKind],
     mut run: TrackingRun<'_>,
     watcher: &mut impl RunWatcher,
 ) {
-    let Some(mut shared) = V::new(world, &run) else {
+    // What is refused is refused before the first run.
+    let Ok(mut shared) = V::new(world, &run) else {
         return;
     };
     let mut own = kinds
         .contains(&TrackerKind::Joint)
-        .then(|| V::new(world, &run))
+        .then(|| V::new(world, &run).ok())
         .flatten();
     let first = start(world, kinds, &mut run, &mut shared, own.as_mut());
     report((0, first), world, &mut shared, own.as_mut(), &run, watcher);

@@ -8,6 +8,7 @@ use northing_core::navigation::{
     ERRORS, ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, GnssIns,
     GnssInsConfig, NavigationState, STATES,
 };
+use northing_core::parameters::{ConfigError, Range};
 use northing_core::tracking::NavigationPose;
 use northing_simulation::scenario::TrackingRun;
 use northing_simulation::scenario::world::TrackingWorld;
@@ -16,8 +17,8 @@ use super::trackers::Contestant;
 
 /// A navigation filter of `N` errors, with the trackers that follow them.
 pub(super) trait Navigator<const N: usize>: Sized {
-    /// One that starts as the scenario says, without trackers; `None` when its settings are refused.
-    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Option<Self>;
+    /// One that starts as the scenario says, without trackers; an error when its settings are refused.
+    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Result<Self, ConfigError>;
     /// An inertial sample: rad/s, m/s^2, s. One that is refused is counted by the filter.
     fn sample(&mut self, rate: &Vector3<f64>, force: &Vector3<f64>, dt: f64);
     /// A fix, or the time for one.
@@ -164,7 +165,7 @@ pub(super) struct PaperNavigator {
 }
 
 impl Navigator<STATES> for PaperNavigator {
-    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Option<Self> {
+    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Result<Self, ConfigError> {
         let noises = world.noises();
         let config = ErrorStateConfig {
             accelerometer_noise_density: noises.filter_accelerometer_density,
@@ -173,8 +174,8 @@ impl Navigator<STATES> for PaperNavigator {
             reset_jacobian: world.scenario().navigation.reset_jacobian,
             ..ErrorStateConfig::default()
         };
-        Some(Self {
-            filter: ErrorStateFilter::new(config, start(world, run)).ok()?,
+        Ok(Self {
+            filter: ErrorStateFilter::new(config, start(world, run))?,
             followers: Followers::none(),
             since_scan: ErrorTransition::default(),
         })
@@ -234,7 +235,7 @@ impl GnssInsNavigator {
 }
 
 impl Navigator<ERRORS> for GnssInsNavigator {
-    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Option<Self> {
+    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Result<Self, ConfigError> {
         let noises = world.noises();
         let config = GnssInsConfig {
             imu_samples: ImuSamples::Means,
@@ -262,9 +263,14 @@ impl Navigator<ERRORS> for GnssInsNavigator {
             vibration_noise: false,
             ..GnssInsConfig::default()
         };
-        let mut ins = GnssIns::listened_to(config, Followers::none()).ok()?;
-        ins.start_at(0, &start(world, run))
+        let mut ins = GnssIns::listened_to(config, Followers::none())?;
+        let has_started = ins.start_at(0, &start(world, run));
+        has_started
             .then_some(Self { ins, time_s: 0.0 })
+            .ok_or(ConfigError {
+                field: "start",
+                range: Range::Described("a rotation and finite numbers, with a covariance"),
+            })
     }
 
     fn sample(&mut self, rate: &Vector3<f64>, force: &Vector3<f64>, dt: f64) {

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use csv::{ByteRecord, Position, ReaderBuilder, StringRecord};
 
@@ -18,6 +18,8 @@ pub(crate) struct Rows {
     file: String,
     reader: csv::Reader<Rationed>,
     ration: Arc<AtomicU64>,
+    /// Whether lines end in CR LF: the csv crate has not yet counted that of the row before when it says where a row begins.
+    has_crlf: Arc<AtomicBool>,
     /// Lines of the file before the part that is read here.
     lines_before: u64,
 }
@@ -30,15 +32,19 @@ impl Rows {
         lines_before: u64,
     ) -> Self {
         let ration = Arc::new(AtomicU64::new(RATION));
+        let has_crlf = Arc::new(AtomicBool::new(false));
         let input = Rationed {
             input,
             ration: Arc::clone(&ration),
+            has_crlf: Arc::clone(&has_crlf),
+            is_begun: false,
         };
         let reader = builder.buffer_capacity(BUFFER).from_reader(input);
         Self {
             file,
             reader,
             ration,
+            has_crlf,
             lines_before,
         }
     }
@@ -66,7 +72,8 @@ impl Rows {
 
     /// The line of a row in the file.
     pub(crate) fn line(&self, row: Option<&Position>) -> u64 {
-        self.lines_before + row.map_or(0, Position::line)
+        let late = |row: &Position| row.byte() > 0 && self.has_crlf.load(Ordering::Relaxed);
+        self.lines_before + row.map_or(0, |row| row.line() + u64::from(late(row)))
     }
 
     pub(crate) fn file(&self) -> &str {
@@ -119,11 +126,21 @@ const RATION: u64 = LINE.most + 2 * BUFFER as u64;
 struct Rationed {
     input: Input,
     ration: Arc<AtomicU64>,
+    has_crlf: Arc<AtomicBool>,
+    /// Whether something was read: the first part says how lines end.
+    is_begun: bool,
 }
 
 impl Read for Rationed {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let read = self.input.read(out)?;
+        if !self.is_begun {
+            self.is_begun = true;
+            let first = out.get(..read).unwrap_or_default();
+            let end = first.iter().position(|byte| *byte == b'\n');
+            let is_crlf = end.is_some_and(|end| end > 0 && first[end - 1] == b'\r');
+            self.has_crlf.store(is_crlf, Ordering::Relaxed);
+        }
         let left = self.ration.load(Ordering::Relaxed);
         let Some(left) = left.checked_sub(read as u64) else {
             return Err(io::Error::new(io::ErrorKind::InvalidData, Endless));

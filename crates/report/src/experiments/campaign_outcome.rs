@@ -37,6 +37,12 @@ impl RunWatcher for Paths {
     }
 }
 
+/// A count with its noun: `1 run`, `3 runs`.
+#[must_use]
+pub fn counted(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 /// The page.
 #[must_use]
 pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
@@ -80,10 +86,11 @@ pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
     page.section("numbers", "Numbers", &table::table(&numbers(outcome)));
     figures.draw(&mut page);
     let heading = outcome.navigation.heading_rmse_deg;
-    let verdicts = outcome.trackers.iter().map(|(name, t)| verdict(name, t));
+    let verdicts = outcome.trackers.iter();
+    let verdicts = verdicts.map(|(name, tracker)| verdict(name, tracker, outcome));
     page.finish(&Frame {
         kicker: "Monte Carlo",
-        title: &format!("{}: {} runs", outcome.scenario, outcome.runs),
+        title: &format!("{}: {}", outcome.scenario, counted(outcome.runs, "run")),
         lead: "A target tracked by radar from a ship whose own position and heading are uncertain.",
         summary: &[
             Fact::new("runs", outcome.runs.to_string()),
@@ -107,13 +114,24 @@ fn bands(part: &Part, outcome: &CampaignOutcome) -> Vec<(String, [f64; 2])> {
     bands
 }
 
-fn verdict(name: &str, tracker: &TrackerOutcome) -> Verdict {
+/// Fewer runs say nothing of a tracker whose mean NEES lies within their band: errors of one run go on from scan to scan, so that few
+/// runs are few samples, however many scans they have.
+pub const FEWEST_FOR_VERDICT: u64 = 10;
+
+fn verdict(name: &str, tracker: &TrackerOutcome, outcome: &CampaignOutcome) -> Verdict {
     if tracker.has_lost_the_target() {
         return Verdict::new(Tone::Bad, format!("{name} loses the target."));
     }
     let nees = tracker.nees_mean;
     let inside = 100.0 * tracker.nees_inside_band;
-    if tracker.nees_inside_band >= 0.8 {
+    let [low, high] = outcome.nees_band;
+    if outcome.runs < FEWEST_FOR_VERDICT && (low..=high).contains(&nees) {
+        let text = format!(
+            "{}: too few to tell whether {name} is consistent; NEES {nees:.2}, where 4 is.",
+            counted(outcome.runs, "run")
+        );
+        Verdict::new(Tone::Info, text)
+    } else if tracker.nees_inside_band >= 0.8 {
         let text = format!(
             "{name} is consistent: its NEES is inside the band at {inside:.0} % of the scans."
         );

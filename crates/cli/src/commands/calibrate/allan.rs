@@ -71,7 +71,8 @@ fn sensor(text: &str) -> Result<SensorKind, String> {
 /// Analyses.
 pub(super) fn execute(args: &AllanArgs) -> Result<()> {
     args.span.check()?;
-    args.output.check(&args.recording, args.report.as_deref())?;
+    args.output
+        .check(&args.input, &args.recording, args.report.as_deref())?;
     if args.output.out.is_some() && args.sensor != SensorKind::Gyroscope {
         bail!(
             "--out: the settings of a filter come from its gyroscope, not from the {}; leave --out away",

@@ -65,7 +65,8 @@ fn field_strength(text: &str) -> Result<f64, String> {
 /// Calibrates.
 pub(super) fn execute(args: &MagnetometerArgs) -> Result<()> {
     args.span.check()?;
-    args.output.check(&args.recording, args.report.as_deref())?;
+    args.output
+        .check(&args.input, &args.recording, args.report.as_deref())?;
     let name = shown(&args.recording);
     let (report, issues) = calibrate(args, &name)?;
     let toml = magnetometer_calibration::to_toml(&report, &name)?;

@@ -73,7 +73,7 @@ fn magnetometer_or_none(text: &str) -> Result<Asked, String> {
 /// Calibrates.
 pub(super) fn execute(args: &RestArgs) -> Result<()> {
     args.span.check()?;
-    args.output.check(&args.recording, None)?;
+    args.output.check(&args.input, &args.recording, None)?;
     let calibrated = calibrate(args)?;
     let recording = shown(&args.recording);
     let toml = rest_calibration::to_toml(&calibrated, &recording)?;

@@ -127,7 +127,11 @@ fn text(outcome: &ScenesOutcome) -> String {
 
 fn interval(value: Interval, digits: usize) -> String {
     let Interval { mean, half_width } = value;
-    format!("{mean:.digits$} +- {half_width:.digits$}")
+    if half_width.is_finite() {
+        format!("{mean:.digits$} +- {half_width:.digits$}")
+    } else {
+        format!("{mean:.digits$}")
+    }
 }
 
 fn rows(rows: &[TrackerRow], what: &str) -> String {

@@ -15,9 +15,7 @@ use northing_report::{NavigationReport, TRACE_CAPACITY};
 use super::arguments::RunArgs;
 use super::foxglove;
 use crate::arguments::estimation::of_recording;
-use crate::files::output::{
-    check_free, check_not_input, print, print_json, report_written, same_file,
-};
+use crate::files::output::{check_free, print, print_json, report_written, same_file};
 use crate::files::shown;
 use crate::invocation::command_line;
 use crate::progress::watched;
@@ -81,7 +79,8 @@ fn check_outputs(args: &RunArgs) -> Result<()> {
                 path.display()
             );
         }
-        check_not_input(path, &args.recording)?;
+        args.input
+            .check_not_read(path, &args.recording, &args.data)?;
         check_free(path, args.force)?;
         named.push((option, path));
     }

@@ -1,6 +1,6 @@
 //! Time without a rate, and what the checks of the samples found: how the state goes on, and which events tell it.
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 
 use super::{Aligning, AttitudeDriver, AttitudeEstimator};
 use crate::attitude::InitialState;
@@ -303,8 +303,11 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             }
             (rate + last) * (whole * lit(0.5))
         };
+        let mut missing = due + self.memory.passed_on - self.memory.checks.turned;
+        if is_hole {
+            missing = self.still_missing(&missing);
+        }
         let checks = &mut self.memory.checks;
-        let missing = due + self.memory.passed_on - checks.turned;
         checks.turned = Vector3::zeros();
         checks.hole_variance = T::zero();
         let now = self.memory.now_ns.unwrap_or(last_ns).max(last_ns);
@@ -364,6 +367,21 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             });
         }
         still * whole + (before + after) * unseen.held_s
+    }
+
+    /// What is left of the turn that a hole hid, where other sensors have shown a part of it since: as much as is left of
+    /// the variance that was added for it (F5a). Applied in full it would turn what is right already.
+    fn still_missing(&self, turn: &Vector3<T>) -> Vector3<T> {
+        let added = self.memory.checks.hole_variance;
+        let known = self.estimator.attitude_covariance();
+        let known = known.filter(|_| self.memory.started && added > T::zero());
+        let eigen = known.and_then(|p| SymmetricEigen::try_new(p, T::default_epsilon(), 50));
+        let Some(eigen) = eigen else {
+            return *turn;
+        };
+        let left = eigen.eigenvalues.map(|own| (own / added).min(T::one()));
+        let left = eigen.eigenvectors.tr_mul(turn).component_mul(&left);
+        eigen.eigenvectors * left
     }
 
     /// What the gyroscope shows at rest, as far as it is known (rad/s).

@@ -173,14 +173,16 @@ impl<T: Scalar> Statistics<T> {
         })
     }
 
-    /// Standard deviation of the mean: that of noise, averaged, and that of rounding, which is not
-    /// (M21b).
+    /// Standard deviation of the mean: that of noise, averaged, that of rounding, which is not, and that of a bias that
+    /// wanders, which is not either (M21b).
     pub(super) fn mean_std(&self) -> Vector3<T> {
         let samples = lit::<T>(f64::from(self.count.max(1)));
         let covariance = self.sample_covariance();
         let rounding = self.mean_rounding_std();
+        let wandering = self.blocks.wandering(&covariance.diagonal());
         Vector3::from_fn(|axis, _| {
-            (covariance[(axis, axis)] / samples + rounding[axis] * rounding[axis]).sqrt()
+            let hidden = rounding[axis] * rounding[axis];
+            (covariance[(axis, axis)] / samples + hidden + wandering[axis]).sqrt()
         })
     }
 
@@ -249,6 +251,33 @@ impl<T: Scalar> Blocks<T> {
         self.length = self.length.saturating_mul(2);
     }
 
+    /// Variance of the means of blocks beyond what the variance of a sample explains, where that is no chance: the mean of all
+    /// is the bias of no moment then, and no number of samples makes it that.
+    fn wandering(&self, of_a_sample: &Vector3<T>) -> Vector3<T> {
+        // The 99.9 % bound of chi-square, by degrees of freedom: of three to seven there are blocks.
+        const BOUNDS: [f64; 5] = [16.27, 18.47, 20.52, 22.46, 24.32];
+        let sums = self.sums.get(..self.full).unwrap_or_default();
+        let freedom = sums.len().saturating_sub(1);
+        let Some(bound) = freedom.checked_sub(3).and_then(|at| BOUNDS.get(at)) else {
+            return Vector3::zeros();
+        };
+        let length = lit::<T>(f64::from(self.length));
+        let mean = sums.iter().sum::<Vector3<T>>() / (length * lit(sums.len() as f64));
+        let squares = sums.iter().map(|sum| {
+            let off = sum / length - mean;
+            off.component_mul(&off)
+        });
+        let scatter: Vector3<T> = squares.sum::<Vector3<T>>() / lit::<T>(freedom as f64);
+        scatter.zip_map(of_a_sample, |scatter, sample| {
+            let noise = sample / length;
+            if scatter > noise * lit(bound / freedom as f64) {
+                scatter - noise
+            } else {
+                T::zero()
+            }
+        })
+    }
+
     /// The difference of the means of the two halves, and the samples in each half.
     fn second_minus_first(&self) -> Option<(Vector3<T>, u32)> {
         let half = self.full / 2;
@@ -289,6 +318,32 @@ mod tests {
             assert!(statistics.add(s, Some(lit(0.01))));
         }
         statistics
+    }
+
+    /// White noise alone adds nothing; a bias that walks is known as well as it wanders, not as its noise averages.
+    #[test]
+    fn a_bias_that_wanders_is_known_no_better_than_that() {
+        let (mut off, mut wider) = (0.0, 0);
+        for seed in 0..40 {
+            let mut rng = Pcg64::seed_from_u64(seed);
+            let mut normal = || Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal));
+            let (mut walk, mut samples) = (Vector3::zeros(), Vec::new());
+            let mut white = Statistics::new();
+            for _ in 0..20_000 {
+                walk += normal() * 1e-5;
+                let noise = normal() * 1e-3;
+                samples.push(walk + noise);
+                assert!(white.add(&noise, Some(0.01)));
+            }
+            let walked = gathered(&samples);
+            let error = (walked.mean() - walk).component_div(&walked.mean_std());
+            off += error.norm_squared() / 3.0 / 40.0;
+            let averaged = 1e-3 / f64::sqrt(20_000.0);
+            wider += usize::from(white.mean_std().max() > 1.1 * averaged);
+        }
+        // The bias of the end: by noise alone it would be 80 standard deviations off.
+        assert!((0.2..4.0).contains(&off), "{off}");
+        assert!(wider <= 2, "{wider}");
     }
 
     /// Oracle: the two-pass formulas over the stored samples.

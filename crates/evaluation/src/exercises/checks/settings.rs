@@ -118,11 +118,6 @@ pub(in crate::exercises) fn consistent(work: &Work<'_>, judgement: &mut Judgemen
         [],
     )?;
     for verdict in &summary.verdicts {
-        let nis = match verdict.sensor {
-            SensorKind::Accelerometer => summary.nis_mean.accelerometer,
-            SensorKind::Magnetometer => summary.nis_mean.magnetometer,
-            _ => summary.nis_mean.compass,
-        };
         let factor = verdict.variance_factor.unwrap_or(1.0);
         let key = match verdict.verdict {
             NoiseVerdict::Consistent => "reason.consistent",
@@ -140,7 +135,7 @@ pub(in crate::exercises) fn consistent(work: &Work<'_>, judgement: &mut Judgemen
         let factor = if factor < 1.0 { 1.0 / factor } else { factor };
         let values = [
             ("sensor", verdict.sensor.name().to_owned()),
-            ("nis", nis.map_or("-".to_owned(), |nis| decimals(nis, 2))),
+            ("nis", decimals(verdict.mean_nis, 2)),
             ("factor", decimals(factor, 1)),
         ];
         demand(judgement, holds, key, values)?;

@@ -128,6 +128,9 @@ pub struct Diagnosis {
     stated: Stated,
     /// The hole with the largest angle.
     worst_hole: Option<TurningHole>,
+    /// Stamp of the gyroscope's last sample, and the mean of the rates on both sides of its last pause, rad/s.
+    rate_ns: i64,
+    around_pause_rad_s: f64,
     /// When a condition was last met, ns.
     met: excursions::Met,
     /// How far the device has turned in all, rad.
@@ -240,7 +243,14 @@ impl Diagnosis {
 
     fn rate(&mut self, (time_ns, late_ns): (i64, i64), rate: &Vector3<f64>, sample: &Sample) {
         self.rests.rate(time_ns, rate);
-        let before = self.gyroscope.last.map_or(0.0, |last| last.norm());
+        if let Some(last) = self.gyroscope.last {
+            let interval_s = time_ns.saturating_sub(self.rate_ns) as f64 * 1e-9;
+            // A hole is known only later, when samples come regularly again.
+            if interval_s > 2.0 * self.gyroscope.timing.summary().interval_s {
+                self.around_pause_rad_s = 0.5 * (last.norm() + rate.norm());
+            }
+        }
+        self.rate_ns = time_ns;
         if rate.norm() > rests::SLOWEST_RAD_S {
             // Less may be the bias of a device that rests.
             self.turned_rad += rate.norm() * self.gyroscope.timing.summary().interval_s;
@@ -258,7 +268,7 @@ impl Diagnosis {
         self.met.note(Condition::Hole, true, time_ns);
         let found = TurningHole {
             hole,
-            rate_rad_s: 0.5 * (before + rate.norm()),
+            rate_rad_s: self.around_pause_rad_s,
         };
         let worst = self.worst_hole.map_or(0.0, |worst| worst.angle_rad());
         if self.worst_hole.is_none() || found.angle_rad() > worst {

@@ -174,27 +174,43 @@ impl Pairs {
 #[derive(Debug, Clone, Default)]
 pub struct Turning {
     last: Option<(i64, Vector3<f64>)>,
+    /// Stamp of the gyroscope's own last sample, and of the first that had its rate.
+    sampled_ns: i64,
+    same_since_ns: i64,
     since: Turn,
     /// Samples were missing since.
     broken: bool,
 }
 
-/// Longer without a sample nobody knows the turn, s.
+/// Longer without a sample, or with one that repeats itself while the body turns, nobody knows the turn, s.
 const BREAK_S: f64 = 0.1;
+/// A rate beyond this (rad/s) is never the same twice; a slower one may be, of a sensor with coarse values.
+const TURNING_RAD_S: f64 = 0.1;
 
 impl Turning {
     /// Takes an angular rate, rad/s; `lost` where it cannot be trusted.
     pub fn rate(&mut self, time_ns: i64, rate: &Vector3<f64>, lost: bool) {
         if let Some((last_ns, last)) = self.last {
             self.go_on(last_ns, time_ns, &((last + rate) * 0.5));
+            let is_frozen = last == *rate && rate.norm() > TURNING_RAD_S;
+            if !is_frozen {
+                self.same_since_ns = time_ns;
+            }
+            self.broken |=
+                is_long(self.sampled_ns, time_ns) || is_long(self.same_since_ns, time_ns);
+        } else {
+            self.same_since_ns = time_ns;
         }
         self.broken |= lost;
+        self.sampled_ns = time_ns;
         self.last = Some((time_ns, *rate));
     }
 
     /// The turn up to a stamp since the last time it was asked for; none where samples were missing.
     pub fn until(&mut self, time_ns: i64) -> Option<Turn> {
         let (last_ns, last) = self.last?;
+        // Of when the gyroscope spoke last, however often the others have since.
+        self.broken |= is_long(self.sampled_ns, time_ns);
         self.go_on(last_ns, time_ns, &last);
         self.last = Some((last_ns.max(time_ns), last));
         let turn = core::mem::take(&mut self.since);
@@ -210,8 +226,48 @@ impl Turning {
     fn go_on(&mut self, from_ns: i64, to_ns: i64, rate: &Vector3<f64>) {
         let dt = to_ns.saturating_sub(from_ns) as f64 * 1e-9;
         if dt > 0.0 {
-            self.broken |= dt > BREAK_S;
             self.since = self.since.then(&Turn::at(rate, dt));
+        }
+    }
+}
+
+fn is_long(from_ns: i64, to_ns: i64) -> bool {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-9 > BREAK_S
+}
+
+#[cfg(test)]
+mod turning_tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    /// The magnetometer goes on at 50 Hz while the gyroscope is silent, or repeats itself, for a second: of these turns nothing is known.
+    #[test]
+    fn a_gyroscope_that_is_silent_or_frozen_breaks_the_turn_though_others_go_on() {
+        for is_frozen in [false, true] {
+            let mut turning = Turning::default();
+            let mut known = Vec::new();
+            for k in 0..300 {
+                let in_fault = (100..200).contains(&k);
+                let rate = if in_fault {
+                    1.0
+                } else {
+                    1.0 + 0.01 * f64::from(k)
+                };
+                if !in_fault || is_frozen {
+                    turning.rate(i64::from(k) * 10 * MS, &(Vector3::z() * rate), false);
+                }
+                if k % 2 == 0 {
+                    known.push((k, turning.until(i64::from(k) * 10 * MS + MS).is_some()));
+                }
+            }
+            let unknown: Vec<_> = known.iter().filter(|(_, is_known)| !is_known).collect();
+            assert!(
+                unknown.iter().all(|(k, _)| (100..=202).contains(k)),
+                "{unknown:?}"
+            );
+            assert!(unknown.len() >= 40, "{unknown:?}");
+            assert!(!known[101].1 || is_frozen, "the first behind the hole");
         }
     }
 }

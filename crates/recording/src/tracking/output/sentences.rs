@@ -2,8 +2,9 @@
 //! approach), and where the place on the Earth is known `TLL` (latitude and longitude) and the own ship's `RMC`.
 //!
 //! A target's number has two digits, so it is that of the track modulo 100; its name is that of the track whole. The own ship's
-//! velocity is that between two instants; before the second there is no closest approach.
+//! velocity is that over the last seconds; before there is one there is no closest approach.
 
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -19,11 +20,14 @@ use crate::track::text::date;
 /// Knots of a metre per second.
 const KNOTS: f64 = 3600.0 / MILE_M;
 
+/// Over so long the own ship's velocity is taken (ns): fixes of a satellite receiver are metres off, each in its own way.
+const VELOCITY_OVER_NS: i64 = 10_000_000_000;
+
 pub(super) struct Sentences {
     out: AtomicFile,
     plane: Option<LocalPlane>,
-    /// Time and place of the own ship at the last instant, and its velocity then.
-    last: Option<(i64, [f64; 2])>,
+    /// Times and places where the own ship was seen to be, the oldest first, and its velocity over them.
+    seen: VecDeque<(i64, [f64; 2])>,
     own_velocity: Option<[f64; 2]>,
 }
 
@@ -32,7 +36,7 @@ impl Sentences {
         Ok(Self {
             out: AtomicFile::create(path, force)?,
             plane,
-            last: None,
+            seen: VecDeque::new(),
             own_velocity: None,
         })
     }
@@ -44,14 +48,39 @@ impl Sentences {
     }
 
     fn see_own_ship(&mut self, instant: &TargetInstant) {
-        let [north, east] = instant.own_place_m;
-        if let Some((time_ns, [from_north, from_east])) = self.last
-            && instant.time_ns > time_ns
-        {
-            let dt = (instant.time_ns - time_ns) as f64 * 1e-9;
-            self.own_velocity = Some([(north - from_north) / dt, (east - from_east) / dt]);
+        let now_ns = instant.time_ns;
+        // A report of a target comes with the place of the own ship that was known before: not a place of this instant.
+        let is_here =
+            |place: &[f64; 2]| place.map(f64::to_bits) == instant.own_place_m.map(f64::to_bits);
+        let last = self.seen.back();
+        let is_known = last.is_some_and(|(last_ns, place)| now_ns <= *last_ns || is_here(place));
+        if !is_known {
+            self.seen.push_back((now_ns, instant.own_place_m));
         }
-        self.last = Some((instant.time_ns, instant.own_place_m));
+        // As many as lie within the time, and at least two.
+        while (self.seen.get(1)).is_some_and(|(from_ns, _)| now_ns - from_ns >= VELOCITY_OVER_NS) {
+            self.seen.pop_front();
+        }
+        self.own_velocity = self.fitted_velocity(now_ns);
+    }
+
+    /// The slope of a straight line through the places by least squares. A ship that is seen nowhere else for longer stands.
+    fn fitted_velocity(&self, now_ns: i64) -> Option<[f64; 2]> {
+        let (last_ns, _) = self.seen.back()?;
+        if now_ns - last_ns > VELOCITY_OVER_NS {
+            return Some([0.0; 2]);
+        }
+        let count = self.seen.len() as f64;
+        let time = |ns: i64| (ns - last_ns) as f64 * 1e-9;
+        let mean = self.seen.iter().map(|(ns, _)| time(*ns)).sum::<f64>() / count;
+        let (mut squares, mut slopes) = (0.0, [0.0; 2]);
+        for (ns, place) in &self.seen {
+            let off = time(*ns) - mean;
+            squares += off * off;
+            slopes[0] += off * place[0];
+            slopes[1] += off * place[1];
+        }
+        (squares > 0.0).then(|| slopes.map(|slope| slope / squares))
     }
 
     fn own_ship(&mut self, instant: &TargetInstant) -> Result<()> {

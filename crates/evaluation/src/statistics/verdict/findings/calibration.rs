@@ -55,12 +55,16 @@ impl Diagnosis {
             findings.extend(misalignment(&fit, least_share));
             findings.extend(scale(&fit, least_share, least));
         }
-        if let Some(fit) = &field
-            && gyroscope_is_right
-            && fit.residual_std_ut > NOT_TURNING * self.strength.mean
-            && self.keeps_its_strength(fit.residual_std_ut)
-        {
-            return findings.push(self.other_axes());
+        if let Some(fit) = &field {
+            let not_turning = fit.residual_std_ut > NOT_TURNING * self.strength.mean;
+            // Iron that turns with the device, or comes near, changes the strength of the field.
+            let offset = fit.iron.offset_ut.norm();
+            let no_iron = self.keeps_its_strength(offset) && self.is_iron(fit, offset);
+            if self.keeps_its_strength(fit.residual_std_ut) && (not_turning && gyroscope_is_right)
+                || no_iron
+            {
+                return findings.push(self.other_axes(gyroscope_is_right));
+            }
         }
         let iron = field.as_ref().and_then(|fit| self.hard_iron(fit));
         let change = field.as_ref().and_then(|fit| self.field_change(fit));
@@ -108,11 +112,16 @@ impl Diagnosis {
         })
     }
 
+    /// Whether an offset of this size, microtesla, is none by chance and more than what is expected of the magnetometer.
+    fn is_iron(&self, fit: &FieldFit, size: f64) -> bool {
+        let expected = self.stated.hard_iron_std_ut.unwrap_or(0.0);
+        size > SIGMAS * fit.iron.std_ut && size > LEAST_IRON_UT.max(3.0 * expected)
+    }
+
     fn hard_iron(&self, fit: &FieldFit) -> Option<Finding> {
-        let (iron, expected) = (fit.iron, self.stated.hard_iron_std_ut.unwrap_or(0.0));
+        let iron = fit.iron;
         let size = iron.offset_ut.norm();
-        let least = LEAST_IRON_UT.max(3.0 * expected);
-        (size > SIGMAS * iron.std_ut && size > least).then(|| Finding {
+        self.is_iron(fit, size).then(|| Finding {
             cause: Cause::HardIron,
             sensor: SensorKind::Magnetometer,
             confidence: beyond_chance(size / iron.std_ut),
@@ -130,15 +139,24 @@ impl Diagnosis {
         STRENGTH_SHARE * offset_ut > self.strength.std()
     }
 
-    fn other_axes(&self) -> Finding {
+    /// Of a gyroscope that gravity bears out, or of one that nothing does.
+    fn other_axes(&self, gyroscope_is_right: bool) -> Finding {
+        let whose = match gyroscope_is_right {
+            true => {
+                "its axes are not the gyroscope's (exchanged, or of other signs), or its samples are of another time"
+            }
+            false => {
+                "axes of one of the two are exchanged or have other signs, the gyroscope's scale is off, or samples of one are of \
+                      another time"
+            }
+        };
         Finding {
             cause: Cause::Misalignment,
             sensor: SensorKind::Magnetometer,
             confidence: 0.97,
             sentence: format!(
                 "The magnetometer does not turn as the gyroscope says, and its field keeps its strength ({:.1} \u{00b5}T \u{00b1} {:.1}), which \
-                 iron would change: its axes are not the gyroscope's (exchanged, or of other signs), or its samples are of another \
-                 time. Put them right in a manifest (`axes`), or leave the magnetometer out.",
+                 iron would change: {whose}. Put them right in a manifest (`axes`), or leave the magnetometer out.",
                 self.strength.mean,
                 self.strength.std(),
             ),

@@ -21,6 +21,8 @@ use crate::statistics::seconds_between;
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Cause {
+    /// Numbers of a sensor are in another unit, or of other axes, than is said of them.
+    Unit,
     /// A sensor shows the same value all the time, while the device turns.
     Stuck,
     /// Samples of the gyroscope are missing while the device turned.
