@@ -1,8 +1,8 @@
-//! Gravity turns against the gyroscope: its signs are reversed, or the axes of both are left-handed.
+//! Gravity does not turn as the gyroscope says: axes of one of the two are exchanged or have the wrong sign.
 //!
-//! While the device is turned over, gravity in body axes must turn against the body. Two hypotheses compete over turns of
-//! [`TURN`](TurnSign::TURN) and more: the rates as they are, and with the opposite sign. An arm that swings has forces of the wrong side
-//! as well, but never calm ones that turn so far.
+//! While the device is turned over, gravity in body axes must turn against the body. Over turns of [`TURN`](TurnSign::TURN) and more the
+//! rates as they are compete with all 47 other orders and signs of their axes. An arm that swings has forces of the wrong side as well,
+//! but never calm ones that turn so far.
 
 use nalgebra::Vector3;
 
@@ -15,9 +15,11 @@ pub(super) struct TurnSign {
     is_over: bool,
     last_rate_ns: Option<i64>,
     window: Option<Window>,
+    /// Rotation vectors of the window's samples, rad: only of a window that counts are they put together.
+    path: Vec<Vector3<f64>>,
     turns: u32,
-    /// Sums of the squared errors of both hypotheses, rad^2.
-    errors: [f64; 2],
+    /// Sums of the squared errors of all hypotheses, rad^2, in the order of [`Axes::all`].
+    errors: Vec<f64>,
     windows: u32,
 }
 
@@ -26,8 +28,47 @@ pub(super) struct TurnSign {
 struct Window {
     start_ns: i64,
     start: Vector3<f64>,
-    /// Where gravity should be now, if the rates are right and if they are reversed.
-    expected: [Vector3<f64>; 2],
+    /// Where gravity should be now, if the rates are right.
+    expected: Vector3<f64>,
+}
+
+/// Axes in another order and with other signs: of each the column that it is, and its sign.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Axes([(usize, f64); 3]);
+
+impl Axes {
+    /// As they are first, and all of them.
+    fn all() -> impl Iterator<Item = Self> {
+        const ORDERS: [[usize; 3]; 6] = [
+            [0, 1, 2],
+            [0, 2, 1],
+            [1, 0, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [2, 1, 0],
+        ];
+        ORDERS.into_iter().flat_map(|order| {
+            (0..8_u8).map(move |signs| {
+                let sign = |axis: usize| if signs >> axis & 1 == 1 { -1.0 } else { 1.0 };
+                Self([0, 1, 2].map(|axis| (order[axis], sign(axis))))
+            })
+        })
+    }
+
+    const REVERSED: Self = Self([(0, -1.0), (1, -1.0), (2, -1.0)]);
+
+    fn of(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from(self.0.map(|(column, sign)| sign * v[column]))
+    }
+
+    /// As a manifest has them, `x,-y,z`.
+    fn in_words(&self) -> String {
+        let axis = |(column, sign): (usize, f64)| {
+            let name = ["x", "y", "z"][column];
+            format!("{}{name}", if sign < 0.0 { "-" } else { "" })
+        };
+        self.0.map(axis).join(",")
+    }
 }
 
 impl TurnSign {
@@ -37,8 +78,10 @@ impl TurnSign {
     const PAUSE_NS: i64 = 100_000_000;
     /// Turns that are needed, error of the wrong hypothesis at least and of the right one at most, rad.
     const TURNS: u32 = 6;
-    const WRONG: f64 = 0.8;
+    const WRONG: f64 = 0.5;
     const RIGHT: f64 = 0.25;
+    /// Most samples of the gyroscope in a turn: none has so many a second, and a file cannot make it remember more.
+    const MOST_SAMPLES: usize = 1 << 15;
     /// After so many turns, or windows without any, half an hour of them, the question is settled and costs nothing any more.
     const SETTLED: u32 = 20;
     const SETTLED_WINDOWS: u32 = 900;
@@ -59,8 +102,12 @@ impl TurnSign {
         }
         if let Some(window) = &mut self.window {
             let turn = rate * (passed_ns as f64 * 1e-9);
-            window.expected[0] = turned(&window.expected[0], &turn);
-            window.expected[1] = turned(&window.expected[1], &-turn);
+            window.expected = turned(&window.expected, &turn);
+            self.path.push(turn);
+        }
+        if self.path.len() > Self::MOST_SAMPLES {
+            self.window = None;
+            self.path.clear();
         }
     }
 
@@ -81,38 +128,62 @@ impl TurnSign {
         if let Some(window) = self.window
             && time_ns.saturating_sub(window.start_ns) <= Self::LONGEST_NS
         {
-            if window.start.dot(&window.expected[0]) > Self::TURN.cos() {
+            if window.start.dot(&window.expected) > Self::TURN.cos() {
                 return Ok(());
             }
             self.turns += 1;
-            for (error, expected) in self.errors.iter_mut().zip(&window.expected) {
-                *error += seen.angle(expected).powi(2);
+            self.errors.resize(48, 0.0);
+            for (error, axes) in self.errors.iter_mut().zip(Axes::all()) {
+                let along = |at: Vector3<f64>, turn: &Vector3<f64>| turned(&at, &axes.of(turn));
+                let expected = self.path.iter().fold(window.start, along);
+                *error += seen.angle(&expected).powi(2);
             }
         }
+        self.path.clear();
         self.windows += 1;
         self.window = Some(Window {
             start_ns: time_ns,
             start: seen,
-            expected: [seen; 2],
+            expected: seen,
         });
         self.judge()
     }
 
     fn judge(&mut self) -> Verdict {
         let turns = f64::from(self.turns);
-        let [as_is, reversed] = self.errors.map(|error| (error / turns).sqrt());
-        if self.turns < Self::TURNS || as_is < Self::WRONG || reversed > Self::RIGHT {
+        let rms = self.errors.iter().map(|error| (error / turns).sqrt());
+        let all: Vec<(f64, Axes)> = rms.zip(Axes::all()).collect();
+        let best = all.iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (Some((as_is, _)), Some((least, axes))) = (all.first(), best) else {
+            return Ok(());
+        };
+        if self.turns < Self::TURNS || *as_is < Self::WRONG || *least > Self::RIGHT {
             self.is_over = self.turns >= Self::SETTLED || self.windows >= Self::SETTLED_WINDOWS;
             return Ok(());
         }
+        // Turns about one axis alone say nothing of the others.
+        let others = all.iter().filter(|(rms, _)| *rms < Self::RIGHT).count() - 1;
+        let (off, least) = (as_is.to_degrees(), least.to_degrees());
+        let evidence = if *axes == Axes::REVERSED {
+            format!(
+                "in {turns} turns gravity turns the other way (rms {off:.0} deg off, {least:.0} deg with the opposite signs); its signs \
+                 look reversed, or the axes of gyroscope and accelerometer left-handed"
+            )
+        } else if others == 0 {
+            format!(
+                "in {turns} turns gravity does not turn as it says (rms {off:.0} deg off, {least:.0} deg with the axes {} of the \
+                 gyroscope); axes of gyroscope or accelerometer look exchanged, or of the wrong sign",
+                axes.in_words()
+            )
+        } else {
+            format!(
+                "in {turns} turns gravity does not turn as it says (rms {off:.0} deg off, {least:.0} deg with other axes); axes of \
+                 gyroscope or accelerometer look exchanged, or of the wrong sign"
+            )
+        };
         Err(Doubt {
             sensor: SensorKind::Gyroscope,
-            evidence: format!(
-                "in {turns} turns gravity turns the other way (rms {:.0} deg off, {:.0} deg with the opposite signs); its signs look \
-                 reversed, or the axes of gyroscope and accelerometer left-handed",
-                as_is.to_degrees(),
-                reversed.to_degrees()
-            ),
+            evidence,
             hint: "if so, put it right with `axes` in a manifest (or use --gyroscope-unit rad-per-s to read the numbers as they are)",
         })
     }

@@ -235,6 +235,36 @@ fn a_gyroscope_that_turns_against_gravity_is_refused() {
     assert_eq!(error(recording(TURNING, [-1.0, 1.0, 1.0], &insisted)), None);
 }
 
+/// One axis reversed, two exchanged, the accelerometer's reversed: what would fit is named, as a manifest has it.
+#[test]
+fn exchanged_axes_and_single_wrong_signs_are_refused_with_the_axes_that_fit() {
+    type Map = fn(&Vector3<f64>) -> Vector3<f64>;
+    let cases: [(Map, Map, &str); 4] = [
+        (|w| Vector3::new(-w.x, w.y, w.z), |f| *f, "axes -x,y,z of"),
+        (|w| Vector3::new(w.y, w.x, w.z), |f| *f, "axes y,x,z of"),
+        (|w| Vector3::new(w.z, w.x, w.y), |f| *f, "axes y,z,x of"),
+        (|w| *w, |f| Vector3::new(f.x, f.y, -f.z), "axes -x,-y,z of"),
+    ];
+    for (rates, forces, named) in cases {
+        let options = OpenOptions {
+            plausibility: false,
+            ..DEFAULT()
+        };
+        let right = recording(1.3, [1.0; 3], &options).map(Result::unwrap);
+        let wrong = right.map(move |event| {
+            let sample = match event.sample {
+                Sample::AngularRate(rate) => Sample::AngularRate(rates(&rate)),
+                Sample::SpecificForce(force) => Sample::SpecificForce(forces(&force)),
+                other => other,
+            };
+            Ok(Event { sample, ..event })
+        });
+        let read = Recording::from_events(Metadata::default(), &SensorKind::ALL, wrong, &DEFAULT());
+        let said = error(read).unwrap();
+        assert!(said.contains(named) && said.contains("`axes` in a manifest"), "{said}");
+    }
+}
+
 #[test]
 fn acceleration_without_gravity_is_refused_and_said() {
     let still = error(recording(RESTING, [1.0, 0.008, 1.0], &DEFAULT())).unwrap();
