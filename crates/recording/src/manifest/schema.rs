@@ -397,8 +397,16 @@ fn yes() -> bool {
 /// # Errors
 /// [`crate::RecordingError::Manifest`] with the line and what was expected.
 pub fn parse(text: &str, file: &str) -> Result<Manifest> {
-    let manifest = parse_toml(text)
-        .map_err(|error| RecordingError::manifest(file, toml_problem(text, &error)))?;
+    let manifest = parse_toml(text).map_err(|error| {
+        let problem = toml_problem(text, &error);
+        match is_of_targets(text) {
+            true => RecordingError::manifest(
+                file,
+                format!("it describes detections of targets, which `northing track` follows ({problem})"),
+            ),
+            false => RecordingError::manifest(file, problem),
+        }
+    })?;
     manifest
         .sources
         .iter()
@@ -424,6 +432,12 @@ fn parse_toml(text: &str) -> std::result::Result<Manifest, toml::de::Error> {
         vec![Source::deserialize(Deserializer::from(table))?]
     };
     Ok(Manifest { general, sources })
+}
+
+/// Whether it is a manifest of the trackers' recordings.
+fn is_of_targets(text: &str) -> bool {
+    let table = text.parse::<toml::Table>();
+    table.is_ok_and(|table| ["detections", "ais", "scans"].iter().any(|key| table.contains_key(*key)))
 }
 
 /// What is left of a manifest of several files.
