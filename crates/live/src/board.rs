@@ -120,6 +120,9 @@ mod tests {
         let cell = ResultCell {
             calculated_error_deg: Some(error),
             estimated_error_deg: Some(0.2),
+            degrees_of_freedom: Some(3),
+            calculated_tilt_deg: Some(error),
+            estimated_tilt_deg: Some(0.1),
             verdict,
             nis_acc: Some(nis[0]),
             nis_mag: Some(nis[1]),
@@ -133,6 +136,7 @@ mod tests {
             name: String::new(),
             at: String::new(),
             duration_s: 30.0,
+            asked_s: 30.0,
             settings: serde_json::Value::Null,
             subject: "mekf".to_owned(),
             sensors: Vec::new(),

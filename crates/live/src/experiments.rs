@@ -234,6 +234,9 @@ impl Finished {
                 let cell = ResultCell {
                     calculated_error_deg: test.map(|t| t.calculated_error_deg),
                     estimated_error_deg: test.and_then(|t| t.estimated_error_deg),
+                    degrees_of_freedom: test.map(|t| t.degrees_of_freedom),
+                    calculated_tilt_deg: test.map(|t| t.calculated_tilt_deg),
+                    estimated_tilt_deg: test.and_then(|t| t.estimated_tilt_deg),
                     verdict: test.and_then(|t| t.verdict),
                     nis_acc: nis(SensorKind::Accelerometer, s.nis_mean.accelerometer),
                     nis_mag: nis(SensorKind::Magnetometer, s.nis_mean.magnetometer),
@@ -250,6 +253,7 @@ impl Finished {
             name: self.title().to_owned(),
             at: self.at.clone(),
             duration_s: self.experiment.duration_s(),
+            asked_s: self.experiment.seconds,
             settings: serde_json::to_value(self.settings()).unwrap_or_default(),
             subject: self.subject.name().to_owned(),
             sensors: self.experiment.sensors(),
@@ -262,10 +266,10 @@ impl Finished {
     }
 }
 
-/// RMS error where the truth is known, otherwise the error of the final test.
+/// RMS error where the truth is known, otherwise the error of the final test that is judged.
 pub(crate) fn error_deg(summary: &RunSummary) -> Option<f64> {
     let known = summary.error_deg.map(|e| e.total_rmse);
-    known.or(summary.final_test.as_ref().map(|t| t.calculated_error_deg))
+    known.or(summary.final_test.as_ref().map(|t| t.judged_deg().0))
 }
 
 /// SHA-256 of the events as [`events::encode`] writes them.

@@ -37,7 +37,9 @@ use crate::session_export;
 use crate::to_page::{AidLine, EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
 
 /// What a page can offer beyond the path itself.
-const FEATURES: [&str; 4] = ["estimators", "magnetometer", "allan", "remove"];
+const FEATURES: [&str; 5] = ["estimators", "magnetometer", "allan", "remove", "results"];
+/// What came out of an experiment, for a page that was opened later.
+const RESULT: &str = "result.json";
 /// Longest message of a page, bytes.
 const LONGEST_MESSAGE: usize = 64 * 1024;
 
@@ -186,6 +188,11 @@ async fn experiment_file(
     let (lab, of, file) = (api.lab.clone(), id.clone(), name.clone());
     let finished = tokio::task::spawn_blocking(move || lab.experiment(&of)).await;
     let finished = finished.map_err(|_| failed(&""))?.map_err(not_found)?;
+    if name == RESULT {
+        // As the page would have got it when the experiment ended.
+        let headers = [(header::CONTENT_TYPE, "application/json")];
+        return Ok((headers, finished.message().json()).into_response());
+    }
     let made = tokio::task::spawn_blocking(move || export::export(&finished, &file));
     let made = made
         .await

@@ -77,13 +77,22 @@ struct MyResult {
     id: String,
     name: String,
     duration_s: f64,
+    /// How long it was meant to be, s.
+    asked_s: f64,
     subject: String,
     calculated_error_deg: Option<f64>,
     estimated_error_deg: Option<f64>,
+    /// With two the tilt alone is judged.
+    degrees_of_freedom: Option<u8>,
+    calculated_tilt_deg: Option<f64>,
+    estimated_tilt_deg: Option<f64>,
     verdict: Option<FinalVerdict>,
     /// The calculated errors of integration and of the device's own orientation.
     integration_deg: Option<f64>,
     device_deg: Option<f64>,
+    /// Their parts about horizontal axes.
+    integration_tilt_deg: Option<f64>,
+    device_tilt_deg: Option<f64>,
     has_samples: bool,
 }
 
@@ -156,16 +165,23 @@ impl MyResult {
     fn of(row: ExperimentRow) -> Self {
         let of = |name: &str| row.results.get(name).copied();
         let calculated = |name: &str| of(name)?.calculated_error_deg;
+        let tilt = |name: &str| of(name)?.calculated_tilt_deg;
         let own = of(&row.subject);
         Self {
             calculated_error_deg: calculated(&row.subject),
             estimated_error_deg: own.and_then(|cell| cell.estimated_error_deg),
+            degrees_of_freedom: own.and_then(|cell| cell.degrees_of_freedom),
+            calculated_tilt_deg: tilt(&row.subject),
+            estimated_tilt_deg: own.and_then(|cell| cell.estimated_tilt_deg),
             verdict: own.and_then(|cell| cell.verdict),
             integration_deg: calculated("integration"),
             device_deg: calculated("device"),
+            integration_tilt_deg: tilt("integration"),
+            device_tilt_deg: tilt("device"),
             id: row.id,
             name: row.name,
             duration_s: row.duration_s,
+            asked_s: row.asked_s,
             subject: row.subject,
             has_samples: row.has_samples,
         }

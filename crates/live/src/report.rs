@@ -51,7 +51,7 @@ fn others<'a>(finished: &'a Finished, drawn: &'a RunSummary) -> impl Iterator<It
     let others = finished.summaries.iter();
     let others = others.filter(|(name, _)| **name != drawn.estimator.name());
     others.filter_map(|(name, summary)| {
-        let error = summary.final_test.as_ref()?.calculated_error_deg;
+        let error = summary.final_test.as_ref()?.judged_deg().0;
         let label = format!("final test, calculated error of {name}");
         Some(Fact::new(label, format!("{error:.2} deg")))
     })

@@ -436,6 +436,8 @@ pub struct ExperimentRow {
     pub at: String,
     /// Its length, s.
     pub duration_s: f64,
+    /// How long it was meant to be, s.
+    pub asked_s: f64,
     /// The parameters that ran.
     #[cfg_attr(test, ts(type = "Settings"))]
     pub settings: Value,
@@ -465,6 +467,15 @@ pub struct ResultCell {
     pub calculated_error_deg: Option<f64>,
     /// What the filter expected of it, deg.
     pub estimated_error_deg: Option<f64>,
+    /// How many components are judged: 3, or 2 where it is the tilt alone.
+    #[serde(default)]
+    pub degrees_of_freedom: Option<u8>,
+    /// The part of both about horizontal axes, deg.
+    #[serde(default)]
+    pub calculated_tilt_deg: Option<f64>,
+    /// See [`Self::calculated_tilt_deg`].
+    #[serde(default)]
+    pub estimated_tilt_deg: Option<f64>,
     /// How they fit.
     pub verdict: Option<FinalVerdict>,
     /// Mean NIS of the accelerometer.

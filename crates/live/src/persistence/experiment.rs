@@ -126,6 +126,7 @@ impl SavedExperiment {
             },
             at: self.at.clone(),
             duration_s: self.duration_s,
+            asked_s: self.seconds,
             settings: self.settings.clone(),
             subject: self.subject.clone(),
             sensors: self.sensors.clone(),

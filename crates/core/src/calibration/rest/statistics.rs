@@ -271,7 +271,8 @@ impl<T: Scalar> Blocks<T> {
         scatter.zip_map(of_a_sample, |scatter, sample| {
             let noise = sample / length;
             if scatter > noise * lit(bound / freedom as f64) {
-                scatter - noise
+                // Of a random walk the end is off from the mean by twice the variance about that mean.
+                (scatter - noise) * lit(2.0)
             } else {
                 T::zero()
             }

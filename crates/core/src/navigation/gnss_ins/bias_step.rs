@@ -27,6 +27,8 @@ const PAUSE: u8 = 60;
 const WHEN: f64 = 1.0 / 12.0;
 /// Less likely by so much than the likeliest counts as none.
 const LEAST_WEIGHT: f64 = 1e-6;
+/// Log evidence by which a step must explain more than one fix that is off.
+const MORE_THAN_ONE: f64 = 4.0;
 /// A step that has turned the attitude further (rad) is for the alignment: one linearisation says nothing of it.
 const LARGEST_TURN: f64 = 0.7;
 /// What may change: the first of three states each.
@@ -248,7 +250,7 @@ impl<T: Scalar> BiasSteps<T> {
         }
         let (k, i, best) = best.filter(|(.., best)| best.gain > jumped)?;
         // Where one fix that is off would explain it nearly as well, the next fix decides.
-        (best.gain > alone + lit(LEAST_GAIN)).then_some(())?;
+        (best.gain > lit::<T>(LEAST_GAIN).max(alone + lit(MORE_THAN_ONE))).then_some(())?;
         let since = self.instants[k].as_ref()?;
         let mut step = Step {
             sensor: SENSORS[i],

@@ -25,10 +25,9 @@ pub(in crate::exercises) fn experiment(work: &Work<'_>, judgement: &mut Judgemen
     let returned = summary.final_test.as_ref();
     demand(judgement, returned.is_some(), "reason.returned", [])?;
     let test = returned?;
-    for (name, ours) in [
-        ("calculated", Some(test.calculated_error_deg)),
-        ("estimated", test.estimated_error_deg),
-    ] {
+    // As the pages show them: of the tilt alone where that is judged.
+    let (calculated, estimated) = test.judged_deg();
+    for (name, ours) in [("calculated", Some(calculated)), ("estimated", estimated)] {
         let Some(ours) = ours else {
             demand(judgement, false, "reason.noCovariance", [])?;
             continue;
