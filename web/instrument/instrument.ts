@@ -16,6 +16,9 @@ const LIVE_MS = 80;
 /** A curve's value is looked for so far from the pointer, CSS pixels: samples of different sensors do not share their instants. */
 const NEAR_PX = 14;
 
+/** So many switches stand beside the title where there is room. */
+const FEW_KEYS = 3;
+
 /** What is switched off, of charts that are made anew again and again. */
 const switchedOff = new Map<string, Set<string>>();
 
@@ -138,6 +141,7 @@ export class Instrument {
       button.addEventListener("click", () => this.toggle(key, button));
       this.legend.append(button);
     });
+    this.legend.classList.toggle("many", made.size > FEW_KEYS);
     // A single curve needs no switch.
     this.legend.hidden = made.size < 2;
   }

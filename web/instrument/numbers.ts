@@ -45,3 +45,14 @@ export function decades(low: number, high: number, least: [number, number]): [nu
 }
 
 export const isDecade = (v: number): boolean => Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6;
+
+/** The numbers of a log axis: one in so many decades, all in digits, or all as powers of ten where some have many digits. */
+export function powers(splits: (number | null)[], apart: number): string[] {
+  const exponents = splits.map((v) => (v !== null && v > 0 && isDecade(v) ? Math.round(Math.log10(v)) : null));
+  const raised = exponents.some((e) => e !== null && (e < -3 || e > 4));
+  // Counted from 1, or from where one number more finds room.
+  const those = (from: number): number[] => exponents.filter((e): e is number => e !== null && (e - from) % apart === 0);
+  let shown = those(0);
+  for (let from = 1; from < apart; from++) if (those(from).length > shown.length) shown = those(from);
+  return exponents.map((e) => (e === null || !shown.includes(e) ? "" : raised ? power(10 ** e) : short(10 ** e)));
+}

@@ -1,7 +1,7 @@
 // The drawing itself: uPlot with axes whose text is readable at any width, bands, rules and marks.
 
 import uPlot from "uplot";
-import { decades, isDecade, roomy, short } from "./numbers";
+import { decades, isDecade, powers, roomy, short } from "./numbers";
 import type { Spec, Theme } from "./spec";
 
 // uPlot scales whole pixels only.
@@ -17,14 +17,14 @@ const nothing = () => null;
 const UNBOUND: uPlot.Cursor.Bind = { mousedown: nothing, mouseup: nothing, click: nothing, dblclick: nothing, mousemove: nothing, mouseleave: nothing, mouseenter: nothing };
 
 export function options(spec: Spec, theme: Theme, width: number, height: number, isOff: (curve: number) => boolean): uPlot.Options {
-  const axis = (log: boolean | undefined): uPlot.Axis => ({
+  const axis = (log: boolean | undefined, scale: "x" | "y"): uPlot.Axis => ({
     stroke: () => theme.colour("muted"),
     // On a log scale only the decades get a line.
     grid: { stroke: () => theme.colour("grid"), width: 1, ...(log ? { filter: (_: uPlot, splits: number[]) => splits.map((v) => (isDecade(v) ? v : null)) } : {}) },
     ticks: { show: false },
     font: FONT,
     gap: 4,
-    values: (_, splits) => splits.map((v) => (v === null || (log && !isDecade(v)) ? "" : short(v))),
+    values: (u, splits) => (log ? powers(splits, decadesApart(u, scale)) : splits.map((v) => (v === null ? "" : short(v)))),
   });
   const isWhole = (u: uPlot): boolean => !!spec.whole && u.scales["x"]!.min! <= spec.whole.x[0] && u.scales["x"]!.max! >= spec.whole.x[1];
   const y = (u: uPlot, low: number, high: number): [number, number] => (isWhole(u) ? spec.whole!.y : spec.logY ? decades(low, high, spec.leastRange ?? [0.1, 10]) : roomy(low, high, spec.leastSpan ?? 1e-6));
@@ -39,8 +39,8 @@ export function options(spec: Spec, theme: Theme, width: number, height: number,
       y: { ...(spec.logY ? { distr: 3 as const } : {}), range: spec.y ?? y } as uPlot.Scale,
     },
     axes: [
-      { ...axis(spec.logX), size: 22, space: 60, ...(isShort(spec) ? {} : { label: spec.across, labelSize: 16, labelGap: 0, labelFont: LABEL_FONT }) },
-      { ...axis(spec.logY), size: 48, space: 26 },
+      { ...axis(spec.logX, "x"), size: 22, space: 60, ...(isShort(spec) ? {} : { label: spec.across, labelSize: 16, labelGap: 0, labelFont: LABEL_FONT }) },
+      { ...axis(spec.logY, "y"), size: 48, space: 26 },
     ],
     series: [{}, ...spec.curves.map((curve, i): uPlot.Series => ({
       show: !isOff(i),
@@ -54,6 +54,16 @@ export function options(spec: Spec, theme: Theme, width: number, height: number,
     bands: (spec.bands ?? []).map((band) => ({ series: [band.high + 1, band.low + 1] as [number, number], fill: () => faded(theme.colour(band.role), 0.17) })),
     hooks: { draw: [(u) => drawCrosses(u, spec), (u) => drawRules(u, spec, theme), (u) => drawAcross(u, spec, theme)] },
   };
+}
+
+/** Room for a number on a log axis, CSS pixels. */
+const ROOM_PX = { x: 46, y: 20 };
+
+/** How many decades apart numbers on a log axis have to be for there to be room between them. */
+function decadesApart(u: uPlot, scale: "x" | "y"): number {
+  const { min, max } = u.scales[scale]!, length = (scale === "x" ? u.bbox.width : u.bbox.height) / devicePixelRatio;
+  const shown = Math.log10(max! / min!);
+  return length > 0 && shown > 0 ? Math.max(1, Math.ceil((ROOM_PX[scale] * shown) / length)) : 1;
 }
 
 /** Whether what x is finds room in the corner beside its numbers. */

@@ -192,6 +192,23 @@ export function showExperiment(row: { id: string; device_id: string }): void {
   });
 }
 
+/** Results that were asked for. */
+const fetched = new Set<string>();
+
+/** Fetches what came out of an experiment that ended before this page was opened; where it cannot be had, the table's numbers stay. */
+export function fetchResult(id: string): void {
+  if (fetched.has(id)) return;
+  fetched.add(id);
+  const got = async (): Promise<void> => {
+    const answer = await fetch(`/api/experiments/${encodeURIComponent(id)}/result.json`);
+    if (!answer.ok) return;
+    const message = (await answer.json()) as Experiment;
+    if (message.id === id && message.result) update((s) => void (s.finished[id] ??= message));
+  };
+  // Without an answer it is asked for again when it is shown again.
+  got().catch(() => fetched.delete(id));
+}
+
 /** The settings in force for a device as far as the page knows: what the program said, what was set, or the profile. */
 export function settingsOf(device: string): Settings {
   return { ...profileSettings("hand-held"), ...state.devices.find((d) => d.id === device)?.settings, ...state.settings[device] };

@@ -38,9 +38,18 @@ interface Result {
   name: string;
   calculated_error_deg: number | null;
   estimated_error_deg: number | null;
+  /** With two degrees of freedom the tilt alone is judged. */
+  degrees_of_freedom?: number | null;
+  calculated_tilt_deg?: number | null;
+  estimated_tilt_deg?: number | null;
   verdict: string | null;
   integration_deg: number | null;
   device_deg: number | null;
+  integration_tilt_deg?: number | null;
+  device_tilt_deg?: number | null;
+  duration_s: number;
+  /** How long it was meant to be. */
+  asked_s?: number | null;
   has_samples: boolean;
 }
 
@@ -56,6 +65,9 @@ const REFUSED_MS = 10_000;
 const GO_BACK_S = 8;
 /** A result that does not come after so long is not waited for. */
 const LONGEST_WAIT_MS = 30_000;
+
+/** Shorter than asked by less than this is the last sample before the end. */
+const EARLY_S = 0.5;
 
 /** What is under way, in a sentence. */
 export function sentence(under: UnderWay): string {
@@ -261,11 +273,14 @@ export class Mine {
     replace("result", JSON.stringify([r, t("result.report")]), () => {
       const verdict = `verdict.${r.verdict}`;
       const list = element("dl", "", "results");
-      const lines: [Key, number | null][] = [["result.calculated", r.calculated_error_deg], ["result.estimated", r.estimated_error_deg], ["result.integration", r.integration_deg], ["result.device", r.device_deg]];
-      for (const [key, v] of lines) list.append(element("dt", t(key)), element("dd", degrees(v)));
+      const isTilt = r.degrees_of_freedom === 2;
+      const values = isTilt ? [r.calculated_tilt_deg, r.estimated_tilt_deg, r.integration_tilt_deg, r.device_tilt_deg] : [r.calculated_error_deg, r.estimated_error_deg, r.integration_deg, r.device_deg];
+      const lines: Key[] = ["result.calculated", "result.estimated", "result.integration", "result.device"];
+      lines.forEach((key, i) => list.append(element("dt", t(key) + (isTilt ? `, ${t("tilt")}` : "")), element("dd", degrees(values[i] ?? null))));
       const shown = [element("h3", r.name), list];
       if (r.calculated_error_deg === null) shown.splice(1, 0, element("p", t("result.moved"), "verdict warn"));
       if (has(verdict)) shown.splice(1, 0, element("p", t(verdict), `verdict ${{ consistent: "good", conservative: "warn" }[r.verdict!] ?? "bad"}`));
+      if (r.asked_s && r.duration_s < r.asked_s - EARLY_S) shown.splice(1, 0, element("p", t("result.early", { after: +r.duration_s.toFixed(1), asked: +r.asked_s.toFixed(1) }), "detail"));
       if (r.has_samples) shown.push(files(r.id));
       return shown;
     });

@@ -119,7 +119,7 @@ function instruments(figure: Figure, box: HTMLElement): void {
       curves, ...(bands ? { bands } : {}), rules: () => rules, logX: figure.log_x, logY: panel.log_y, whole: { x: figure.x_range, y: panel.y_range },
     };
     const instrument = new Instrument({ spec, span, theme, words: english, source: () => data });
-    instrument.figure.style.height = `${Math.max(190, panel.height + 92)}px`;
+    instrument.figure.style.minHeight = `${Math.max(190, panel.height + 92)}px`;
     box.append(instrument.figure);
     made.push(instrument);
   });

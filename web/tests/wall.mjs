@@ -111,6 +111,7 @@ await suite(async () => {
     assert.ok(factor(off) > 10, `its NIS is off by ${factor(off)}`);
     const told = await page.locator(".board tr[data-standing=virtual-3]").textContent();
     assert.match(told, /÷ \d\d/, told);
+    assert.deepEqual((await page.locator(".board .tag").allTextContents()).filter((text) => !/^(Consistent|Conservative|Overconfident|no verdict)$/.test(text.trim())), []);
     await until("the word", async () => (await stateOf("Zoe")) === "done");
     await view.picture("31-wall-results");
     // A name leads to its result.

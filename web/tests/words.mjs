@@ -119,6 +119,7 @@ await suite(async () => {
     const look = async (where) => {
       const said = await saidBy(page);
       assert.deepEqual(said.filter((text) => english.has(text) || ENGLISH.test(text)), [], where);
+      assert.deepEqual(said.filter((text) => /(^|\s)\p{Ll}\p{Lu}\p{Lu}/u.test(text)), [], `acronyms keep their capitals: ${where}`);
       for (const text of said) if (spanish.has(text)) seen.add(text);
     };
     assert.equal(await page.evaluate(() => document.documentElement.lang), "es");

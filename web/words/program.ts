@@ -22,6 +22,8 @@ let known = new Map<string, string>();
 /** Texts that are remembered: many are said again and again. */
 const MOST_KNOWN = 2000;
 
+/** Whether a text begins with a word and not with an acronym or a symbol, whose capitals stay: `EKF`, `R`. */
+const isWord = (text: string): boolean => /^(\p{L}\p{Ll}|[AEOUY]\s)/u.test(text);
 const small = (text: string): string => text.charAt(0).toLowerCase() + text.slice(1);
 
 function rule({ en, es }: Text): Rule {
@@ -36,7 +38,7 @@ function translated(sentence: string): string {
     const values = Object.fromEntries(Object.entries(found.groups ?? {}).map(([name, value]) => [name, words.get(value) ?? value]));
     const said = filled(text, values);
     // As a whole sentence, or within one.
-    const first = /^\p{Ll}/u.test(sentence) ? said.charAt(0).toLowerCase() : /^\p{Lu}/u.test(sentence) ? said.charAt(0).toUpperCase() : said.charAt(0);
+    const first = /^\p{Ll}/u.test(sentence) ? (isWord(said) ? said.charAt(0).toLowerCase() : said.charAt(0)) : /^\p{Lu}/u.test(sentence) ? said.charAt(0).toUpperCase() : said.charAt(0);
     return first + said.slice(1);
   }
   return sentence;

@@ -1,5 +1,6 @@
 // The results board: each device's newest experiment, ranked by consistency and not by the size of its error.
 
+import { endedEarly, judged, TiltMark } from "../judged";
 import type { Standing } from "../protocol";
 import { byName, showExperiment, state } from "../store";
 import { t } from "../t";
@@ -38,16 +39,17 @@ export function Board() {
 
 function Row({ one }: { one: Standing }) {
   const row = state.rows.find((r) => r.id === one.experiment);
-  const result = row?.results[row.subject], verdict = one.verdict ? VERDICTS[one.verdict] : undefined;
+  const of = judged(row?.results[row.subject]), early = endedEarly(row), verdict = one.verdict ? VERDICTS[one.verdict] : undefined;
   return (
     <tr data-standing={one.device_id}>
       <td class="num">{one.place}</td>
       <th scope="row">
         <button type="button" class="link" title={row && `${row.name}, ${nameOf(row.subject)}`} onClick={() => row && showExperiment(row)}>{nameOfDevice(one)}</button>
+        {early && <small class="mark"> {early}</small>}
       </th>
-      <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? t("wall.noVerdict")}</span></td>
+      <td><span class={`tag ${verdict?.tone ?? ""}`}>{t(verdict?.text ?? "wall.noVerdict")}</span></td>
       <td title={t("board.nis.hint")}>{departure(one)}</td>
-      <td class="num" title={t("board.error.hint")}>{degrees(result?.calculated_error_deg)} <small>/ {degrees(result?.estimated_error_deg)}</small></td>
+      <td class="num" title={t("board.error.hint")}>{degrees(of.calculated)} <small>/ {degrees(of.estimated)}</small><TiltMark of={of} /></td>
     </tr>
   );
 }

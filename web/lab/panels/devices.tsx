@@ -1,9 +1,9 @@
 // The devices, with rates and health.
 
-import type { Device } from "../protocol";
+import type { Device, Remark } from "../protocol";
 import { Draft } from "../draft";
 import { goTo, isStudent, offers, select, send, state, update } from "../store";
-import { t } from "../t";
+import { type Key, t } from "../t";
 import { said } from "../words";
 
 /** The sensors in short: the compass where it stands in for the magnetometer. */
@@ -27,7 +27,8 @@ export function Devices() {
 
 function DeviceCard({ device }: { device: Device }) {
   const selected = device.id === state.selected;
-  const worst = ["bad", "warn", "good"].map((tone) => device.health.find((h) => h.tone === tone)).find((h) => h) ?? device.health[0];
+  const health = facts(device.health);
+  const worst = ["bad", "warn", "good"].map((tone) => health.find((h) => h.tone === tone)).find((h) => h) ?? health[0];
   const complaint = said(device.silence || (worst?.text ?? "")) || t("devices.noComplaint");
   const removable = !isStudent() && (device.source === "virtual" || (offers("remove") && !device.connected));
   return (
@@ -37,11 +38,11 @@ function DeviceCard({ device }: { device: Device }) {
         {!device.delivers && <span class="badge">{t(device.connected ? "devices.noSamples" : "devices.lost")}</span>}
       </button>
       <p class="rates">{shortOf(device).map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
-      <p class="health" title={complaint}>{complaint}</p>
+      <p class="health">{complaint}</p>
       {selected && (
         <>
-          {device.delivers && device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={said(h.text)}>{said(h.text)}</p>)}
-          <p class="counts">{device.source}, {lost(device)}</p>
+          {device.delivers && health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health">{said(h.text)}</p>)}
+          <p class="counts">{sourceOf(device)}: {lost(device)}</p>
           <p class="counts">{t("devices.samples", { count: device.received })}</p>
           <p class="counts">{t(device.is_calibrated ? "devices.calibrated" : "devices.uncalibrated")}</p>
           {device.magnetometer && <p class="counts">{t("devices.magnetometer")}</p>}
@@ -51,6 +52,32 @@ function DeviceCard({ device }: { device: Device }) {
       )}
     </li>
   );
+}
+
+/** What a remark is about, where two say the same: the phone's page tells rate and rounding of its sensors, and the program what it sees of them.
+ * One of the rates says it for all sensors: the rates stand above. */
+const SAME: [RegExp, (sensor: string) => string][] = [
+  [/^The (\w+) comes only [\d.]+ times a second/, () => "rate"],
+  [/^Only [\d.]+ (\w+) samples a second/, () => "rate"],
+  [/^The browser rounds the (\w+) to /, (sensor) => `steps of ${sensor}`],
+  [/^Coarse values: the (\w+) comes in steps/, (sensor) => `steps of ${sensor}`],
+];
+
+/** The remarks, each fact once. */
+function facts(health: Remark[]): Remark[] {
+  const told = new Set<string>();
+  return health.filter(({ text }) => {
+    const about = SAME.flatMap(([pattern, of]) => { const found = pattern.exec(text); return found ? [of(found[1]!)] : []; })[0] ?? text;
+    return !told.has(about) && told.add(about);
+  });
+}
+
+const SOURCES: Record<string, Key> = { page: "source.page", virtual: "source.virtual", replay: "source.replay", "sensor-logger": "source.sensorLogger" };
+
+/** What sends for a device, in words; an input by its title. */
+function sourceOf({ source }: Device): string {
+  const key = SOURCES[source];
+  return key ? t(key) : state.hello?.input_kinds?.find((one) => one.kind === source)?.title ?? source;
 }
 
 /** What got lost on the way, or came twice, in words. */

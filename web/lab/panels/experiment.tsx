@@ -3,9 +3,10 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { angleBetween } from "../attitude";
 import { mainEstimate, mainName } from "../history";
+import { endedEarly, type Judged, judged, TiltMark } from "../judged";
 import { LiveText } from "../live";
-import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
-import { aids, goTo, historyOf, isStudent, receives, send, showExperiment, shownExperiment, state, titleOf } from "../store";
+import type { Device, Experiment as Message, FinalSummary, FinalVerdict, Frame, RunSummary, SettingValue } from "../protocol";
+import { aids, fetchResult, goTo, historyOf, isStudent, offers, receives, send, showExperiment, shownExperiment, state, titleOf } from "../store";
 import { type Key, t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, said, unnamed, VERDICTS } from "../words";
@@ -85,11 +86,17 @@ export function Result() {
   const id = shownExperiment();
   const finished = id ? state.finished[id] : undefined;
   useEffect(() => heading.current?.focus({ preventScroll: true }), [id]);
+  // What ended before this page was opened was told to other pages.
+  const canFetch = offers("results") && state.connection === "open";
+  useEffect(() => {
+    if (id && !finished && canFetch) fetchResult(id);
+  }, [id, !finished, canFetch]);
   if (!id) return <p>{t("result.none")} <button type="button" class="link" onClick={() => goTo("experiment")}>{t("startOne")}</button></p>;
-  const row = state.rows.find((r) => r.id === id);
+  const row = state.rows.find((r) => r.id === id), early = endedEarly(row);
   return (
     <div class="result" tabIndex={-1} ref={heading}>
       <h3>{row?.name ?? id} <small>{row?.at}</small></h3>
+      {early && <p class="verdict warn" data-early><span>{early}</span></p>}
       {finished?.result ? <Summary summary={finished.result.summary} subject={finished.result.subject} /> : row && <RowSummary row={row} />}
       {finished?.result && <p class="small">{said(finished.result.origin)}</p>}
       {row && !row.has_samples ? <p class="small">{t("experiments.noSamples.hint")}</p> : (
@@ -115,19 +122,17 @@ export function Summary({ summary, subject }: { summary: Record<string, RunSumma
   return (
     <>
       <p class="small" data-subject={main.estimator}>{t("result.of")} <b>{nameOf(main.estimator)}</b></p>
-      {main.final ? <><Final final={main.final} /><Quaternions final={main.final} /></> : (
-        <div class="verdict warn"><b>{t("result.noVerdict")}</b><span>{t("result.notAtRest")}</span></div>
-      )}
+      {main.final ? <><Final of={judged(main.final)} verdict={main.final.verdict} /><Quaternions final={main.final} /></> : <NotAtRest />}
       <table class="compact results">
         <thead><tr><th scope="col">{t("board.error")}</th><th scope="col" class="num">{t("result.calculated")}</th><th scope="col" class="num">{t("result.estimated")}</th>{main.error_deg && <th scope="col" class="num" title={t("result.rms.hint")}>{t("result.rms")}</th>}</tr></thead>
         <tbody>
           {names.map((name) => {
-            const s = summary[name]!;
+            const s = summary[name]!, of = judged(s.final);
             return (
               <tr key={name} data-estimator={name}>
                 <th scope="row"><span class="swatch" style={{ "--role": `var(--${roleOf(name)})` }} /> {nameOf(name)}</th>
-                <td class="num" data-value="calculated">{degrees(s.final?.calculated_error_deg)}</td>
-                <td class="num" data-value="estimated">{degrees(s.final?.estimated_error_deg)}</td>
+                <td class="num" data-value="calculated">{degrees(of.calculated)}<TiltMark of={of} /></td>
+                <td class="num" data-value="estimated">{degrees(of.estimated)}</td>
                 {main.error_deg && <td class="num" data-value="rms">{degrees(rms(s))}</td>}
               </tr>
             );
@@ -154,16 +159,20 @@ export function rms(summary: RunSummary): number | null {
   return error["total_rmse"] ?? null;
 }
 
-function Final({ final }: { final: FinalSummary }) {
-  const verdict = (final.verdict && VERDICTS[final.verdict]) || { tone: "warn", text: "verdict.noCovariance" as Key };
+/** The two numbers that the verdict compares, and the verdict. */
+function Final({ of, verdict: given }: { of: Judged; verdict: FinalVerdict | null }) {
+  const verdict = (given && VERDICTS[given]) || { tone: "warn", text: "verdict.noCovariance" as Key };
+  const what = of.isTilt ? `, ${t("tilt")}` : "";
   return (
-    <div class={`final ${verdict.tone}`}>
-      <div><span>{t("result.calculated.small")}</span><b>{degrees(final.calculated_error_deg)}</b></div>
-      <div><span>{t("result.estimated.small")}</span><b>{degrees(final.estimated_error_deg)}</b></div>
-      <p data-verdict={final.verdict ?? "none"} aria-live="polite">{t(verdict.text)}</p>
+    <div class={`final ${verdict.tone}`} data-judged={of.isTilt ? "tilt" : "attitude"}>
+      <div><span>{t("result.calculated.small")}{what}</span><b>{degrees(of.calculated)}</b></div>
+      <div><span>{t("result.estimated.small")}{what}</span><b>{degrees(of.estimated)}</b></div>
+      <p data-verdict={given ?? "none"} aria-live="polite">{t(verdict.text)}</p>
     </div>
   );
 }
+
+const NotAtRest = () => <div class="verdict warn"><b>{t("result.noVerdict")}</b><span>{t("result.notAtRest")}</span></div>;
 
 /** The paper's last step: both error quaternions side by side. */
 function Quaternions({ final }: { final: FinalSummary }) {
@@ -184,21 +193,35 @@ function Quaternions({ final }: { final: FinalSummary }) {
           <td class="num" data-quaternion="calculated">{degrees(final.calculated_error_deg)}</td>
           <td class="num" data-quaternion="estimated">{degrees(final.estimated_error_deg)}</td>
         </tr>
+        {judged(final).isTilt && (
+          <tr>
+            <th scope="row">{t("tilt")}</th>
+            <td class="num">{degrees(final.calculated_tilt_deg)}</td>
+            <td class="num">{degrees(final.estimated_tilt_deg)}</td>
+          </tr>
+        )}
       </tbody>
     </table>
   );
 }
 
+/** What the table of experiments has of a result: the numbers and verdicts, without sentences, causes and quaternions. */
 function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
+  const main = row.results[row.subject], of = judged(main);
   return (
-    <table class="compact">
-      <thead><tr><th scope="col">{t("estimator")}</th><th scope="col" class="num">{t("result.calculated")}</th><th scope="col" class="num">{t("result.estimated")}</th></tr></thead>
-      <tbody>
-        {Object.entries(row.results).sort(([a], [b]) => Number(b === row.subject) - Number(a === row.subject)).map(([name, r]) => (
-          <tr key={name}><th scope="row">{nameOf(name)}</th><td class="num">{degrees(r.calculated_error_deg)}</td><td class="num">{degrees(r.estimated_error_deg)}</td></tr>
-        ))}
-      </tbody>
-    </table>
+    <>
+      <p class="small" data-subject={row.subject}>{t("result.of")} <b>{nameOf(row.subject)}</b></p>
+      {main && (of.calculated === null ? <NotAtRest /> : <Final of={of} verdict={main.verdict} />)}
+      <table class="compact">
+        <thead><tr><th scope="col">{t("estimator")}</th><th scope="col" class="num">{t("result.calculated")}</th><th scope="col" class="num">{t("result.estimated")}</th></tr></thead>
+        <tbody>
+          {Object.entries(row.results).sort(([a], [b]) => Number(b === row.subject) - Number(a === row.subject)).map(([name, r]) => {
+            const each = judged(r);
+            return <tr key={name}><th scope="row">{nameOf(name)}</th><td class="num">{degrees(each.calculated)}<TiltMark of={each} /></td><td class="num">{degrees(each.estimated)}</td></tr>;
+          })}
+        </tbody>
+      </table>
+    </>
   );
 }
 
@@ -255,7 +278,7 @@ export function ExperimentTable() {
         </thead>
         <tbody>
           {[...rows].reverse().map((row) => {
-            const main = row.results[row.subject];
+            const main = row.results[row.subject], of = judged(main), integration = judged(row.results["integration"]), early = endedEarly(row);
             const verdict = main?.verdict ? VERDICTS[main.verdict] : undefined;
             return (
               <tr key={row.id} aria-current={row.id === shown}>
@@ -263,12 +286,13 @@ export function ExperimentTable() {
                   {row.is_archived && <small class="mark"> {t("experiments.archived")}</small>}
                   {row.is_earlier && <small class="mark" title={t("experiments.earlier.hint")}> {t("experiments.earlier")}</small>}
                   {!row.has_samples && <small class="mark" title={t("experiments.noSamples.hint")}> {t("experiments.noSamples")}</small>}
+                  {early && <small class="mark"> {early}</small>}
                 </th>
                 <td>{nameOf(row.subject)}</td>
                 <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict ? t(verdict.text) : "–"}</span></td>
-                <td class="num">{degrees(main?.calculated_error_deg)}</td>
-                <td class="num">{degrees(main?.estimated_error_deg)}</td>
-                <td class="num">{degrees(row.results["integration"]?.calculated_error_deg)}</td>
+                <td class="num">{degrees(of.calculated)}<TiltMark of={of} /></td>
+                <td class="num">{degrees(of.estimated)}</td>
+                <td class="num">{degrees(integration.calculated)}<TiltMark of={integration} /></td>
                 {sensors.map((aid) => <td key={aid.sensor} class="num">{row.sensors.some((s) => s === aid.sensor) ? setting(row.settings[reads(row, aid.noise) ?? ""]) : "–"}</td>)}
                 <td class="num">{number(row.duration_s, 0)}</td>
                 <td>{state.devices.find((d) => d.id === row.device_id)?.name ?? row.device}</td>

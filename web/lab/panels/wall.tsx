@@ -2,6 +2,7 @@
 
 import { useEffect, useRef } from "preact/hooks";
 import { mainEstimate } from "../history";
+import { endedEarly, judged } from "../judged";
 import { LiveText, useFrame } from "../live";
 import type { Device, Frame, Lamp } from "../protocol";
 import type { View as ViewOf, World } from "../scene";
@@ -11,7 +12,7 @@ import { t } from "../t";
 import { degrees, said, VERDICTS } from "../words";
 import { Board } from "./board";
 import { Orders } from "./orders";
-import { STILL_DEG_S } from "./stillness";
+import { type Motion, motionOf } from "./stillness";
 
 export function Wall() {
   const grid = useRef<HTMLDivElement>(null);
@@ -83,14 +84,14 @@ export function span(seconds: number): string {
 }
 
 interface Said {
-  what: "lost" | "silent" | "ended" | "calibrates" | "refused" | "experiment" | "done" | "rests" | "moves" | "waits";
+  what: "lost" | "silent" | "ended" | "calibrates" | "refused" | "experiment" | "done" | "rests" | "steady" | "moves" | "waits";
   tone: string;
   text: string;
   hint?: string;
 }
 
 /** What a device does: what is wrong first, then what is under way, then what came out. */
-function stateOf(device: Device, rate: number | null): Said {
+function stateOf(device: Device, motion: Motion | null): Said {
   if (device.silent_s !== null && device.silent_s !== undefined && !device.delivers) return silent(device, device.silent_s);
   const calibration = state.calibrations[device.id], experiment = state.running[device.id];
   const left = device.under_way?.remaining_s ?? 0;
@@ -103,12 +104,14 @@ function stateOf(device: Device, rate: number | null): Said {
   const row = rowsOf(device.id).filter((r) => !r.is_archived && !r.is_earlier).at(-1);
   if (row) {
     const result = row.results[row.subject], verdict = result?.verdict ? VERDICTS[result.verdict] : undefined;
-    const text = t(verdict ? verdict.text : "wall.noVerdict");
-    return { what: "done", tone: verdict?.tone ?? "idle", text: t("wall.done", { verdict: text }), hint: `${row.name}: ${degrees(result?.calculated_error_deg)}` };
+    const text = t(verdict ? verdict.text : "wall.noVerdict"), of = judged(result), early = endedEarly(row);
+    const error = `${row.name}: ${degrees(of.calculated)}${of.isTilt ? ` ${t("tilt")}` : ""}`;
+    return { what: "done", tone: verdict?.tone ?? "idle", text: t("wall.done", { verdict: text }), hint: early ? `${error}; ${early}` : error };
   }
-  if (rate === null) return { what: "waits", tone: "idle", text: t("still.waiting") };
   const calibrated = device.is_calibrated ? t("wall.calibrated") : t("wall.uncalibrated");
-  return rate < STILL_DEG_S ? { what: "rests", tone: "good", text: t("still.rest"), hint: calibrated } : { what: "moves", tone: "warn", text: t("still.moving"), hint: calibrated };
+  if (!motion || motion.is === "waiting") return { what: "waits", tone: "idle", text: t("still.waiting"), ...(motion ? { hint: calibrated } : {}) };
+  if (motion.is === "rest") return { what: "rests", tone: "good", text: t("still.rest"), hint: calibrated };
+  return motion.is === "constant" ? { what: "steady", tone: "info", text: t("still.constant"), hint: calibrated } : { what: "moves", tone: "warn", text: t("still.moving"), hint: calibrated };
 }
 
 function silent(device: Device, seconds: number): Said {
@@ -121,8 +124,8 @@ function silent(device: Device, seconds: number): Said {
 const QUIET: Said["what"][] = ["lost", "silent"];
 
 function State({ device }: { device: Device }) {
-  const rate = useFrame<number | null>(device.id, (f) => (f.rate_rad_s ? (Math.hypot(...f.rate_rad_s) * 180) / Math.PI : null), 2, null);
-  const told = stateOf(device, rate);
+  const motion = useFrame<Motion | null>(device.id, (frame) => motionOf(frame, device.rest), 2, null);
+  const told = stateOf(device, motion);
   return <p class={`cell-state ${told.tone}`} data-state={told.what} title={told.hint}><b>{told.text}</b> {told.hint && !QUIET.includes(told.what) && <small>{told.hint}</small>}</p>;
 }
 

@@ -5,6 +5,7 @@ import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { type Rule, type Spec, Still, columns } from "../chart";
 import { AllParameters, curveChoices, degreesOf, Sliders, type Tuned } from "../parameters";
 import type { ExperimentRow, Settings, TraceColumns, WhatIf as Message } from "../protocol";
+import { judged, TiltMark } from "../judged";
 import { language } from "../../words/language";
 import { aids, goTo, send, shownExperiment, state, titleOf, update } from "../store";
 import { type Key, t } from "../t";
@@ -116,15 +117,18 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
       <caption>{t("whatIf.took")} <b>{number(message.elapsed_ms, 0)} ms</b>{!isAsMeasured(tried?.trial.alterations) && <>; {t("whatIf.altered")}</>}</caption>
       <thead><tr><th scope="col">{t("estimator")}</th><th scope="col" class="num">{t("whatIf.then")}</th><th scope="col" class="num">{t("whatIf.now")}</th>{truth && <th scope="col" class="num" title={t("whatIf.rms")}>{t("result.rms")}</th>}<th scope="col" class="num" title={t("nis.mean")}>NIS</th></tr></thead>
       <tbody>
-        {names.map((name) => (
-          <tr key={name} data-estimator={name}>
-            <th scope="row"><span class="swatch" style={{ "--role": `var(--${roleOf(name)})` }} /> {nameOf(name)}</th>
-            <td class="num">{degrees(row.results[name]?.calculated_error_deg)}</td>
-            <td class="num" data-value="calculated">{degrees(message.results[name]!.final?.calculated_error_deg)}</td>
-            {truth && <td class="num" data-value="rms">{degrees(rms(message.results[name]!))}</td>}
-            <td class="num" data-value="nis">{number(message.results[name]!.nis_mean.accelerometer, 2)}</td>
-          </tr>
-        ))}
+        {names.map((name) => {
+          const now = judged(message.results[name]!.final), before = judged(state.finished[row.id]?.result?.summary[name]?.final ?? row.results[name]);
+          return (
+            <tr key={name} data-estimator={name}>
+              <th scope="row"><span class="swatch" style={{ "--role": `var(--${roleOf(name)})` }} /> {nameOf(name)}</th>
+              <td class="num">{degrees(before.calculated)}<TiltMark of={before} /></td>
+              <td class="num" data-value="calculated">{degrees(now.calculated)}<TiltMark of={now} /></td>
+              {truth && <td class="num" data-value="rms">{degrees(rms(message.results[name]!))}</td>}
+              <td class="num" data-value="nis">{number(message.results[name]!.nis_mean.accelerometer, 2)}</td>
+            </tr>
+          );
+        })}
       </tbody>
     </table>
   );
@@ -217,9 +221,9 @@ export function WhatIfPlots() {
   const errors = useMemo(() => both((one) => [(truth ? one.error_deg : one.std_deg?.map((s) => Math.hypot(...s))) ?? []]), [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth, spoken]);
   const traceOf = useMemo(() => traceSpec(message?.subject ?? ""), [message?.subject, spoken]);
-  const judged = aids().map((aid) => aid.sensor as string).filter((s) => trace?.nis[s] || before?.nis[s]);
-  const nisOf = useMemo(() => nisSpec(judged, message?.subject ?? ""), [judged.join(), message?.subject, spoken]);
-  const nis = useMemo(() => nisBeside(judged, trace, before), [trace, judged.join()]);
+  const withNis = aids().map((aid) => aid.sensor as string).filter((s) => trace?.nis[s] || before?.nis[s]);
+  const nisOf = useMemo(() => nisSpec(withNis, message?.subject ?? ""), [withNis.join(), message?.subject, spoken]);
+  const nis = useMemo(() => nisBeside(withNis, trace, before), [trace, withNis.join()]);
   const sensors = aids().map((aid) => aid.sensor as string).filter((s) => curve?.nis[s]);
   const row = state.rows.find((r) => r.id === message?.id);
   const over = (row && curveChoices(tunedOf(row)).find((c) => c.name === curve?.parameter)?.text) ?? curve?.parameter ?? "";
