@@ -8,13 +8,13 @@ use std::path::Path;
 
 use ::ais::messages::{self, AisMessage};
 use ::ais::{AisFragments, AisParser};
-use chrono::NaiveDateTime;
 use nmea::ParseResult;
 
 use super::manifest::{AisColumns, AisFile, TrackingManifest};
 use super::plane::LocalPlane;
+use super::plausibility::Latitudes;
 use super::sample::{AisReport, Detection, OwnShipPose, Scan, TrackingEvent, TrackingSample};
-use super::tables::Table;
+use super::tables::{Table, whole};
 use super::ttm::{self, RadarTarget};
 use super::{TrackingIssues, TrackingRecording};
 use crate::error::{RecordingError, Result};
@@ -83,14 +83,15 @@ fn read_table(
     let longitude = table.column(&columns.longitude_deg)?;
     let course = table.optional(columns.course_deg.as_ref())?;
     let speed = table.optional(columns.speed_knots.as_ref())?;
+    let mut latitudes = Latitudes::default();
     while table.advance()? {
         // Course and speed may be missing in a report: an empty cell.
         let maybe = |column: Option<usize>| column.and_then(|c| table.text(c).parse().ok());
-        let time_ns = date_time(table.text(time))
-            .ok_or_else(|| table.bad_cell(time, "YYYY-MM-DD HH:MM:SS.fff, or seconds"))?;
-        let id = table.text(mmsi).parse();
-        let id = id.map_err(|_| table.bad_cell(mmsi, "an MMSI of up to 9 digits"))?;
+        let time_ns = table.time_ns(time)?;
+        let id = whole(table.text(mmsi));
+        let id = id.ok_or_else(|| table.bad_cell(mmsi, "an MMSI of up to 9 digits"))?;
         let place = [table.number(latitude)?, table.number(longitude)?];
+        latitudes.take(place);
         match report(plane, id, place, maybe(course), maybe(speed)) {
             Some(report) => {
                 let sample = TrackingSample::Ais(report);
@@ -99,16 +100,7 @@ fn read_table(
             None => out.issues.reports_without_position += 1,
         }
     }
-    Ok(())
-}
-
-/// Nanoseconds of a date and time of day, or of seconds.
-fn date_time(text: &str) -> Option<i64> {
-    let date = NaiveDateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f");
-    match date {
-        Ok(date) => date.and_utc().timestamp_nanos_opt(),
-        Err(_) => stamp::parse_ns(text.as_bytes(), stamp::SECONDS),
-    }
+    latitudes.check(table.file(), &columns.latitude_deg)
 }
 
 /// The message of a sentence, if it is of a type that has a position (1, 2, 3, 18, 19); the others are

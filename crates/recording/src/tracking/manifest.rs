@@ -41,14 +41,14 @@ pub struct ScanTable {
     pub file: PathBuf,
     /// Column of the scan's number.
     pub scan: String,
-    /// Column of the time, s.
+    /// Column of the time: s, or a date and time of day.
     pub time_s: String,
     /// Column of the sensor's name; without it all scans are of the only sensor.
     pub sensor: Option<String>,
-    /// Column of the own ship's north, m.
-    pub own_north_m: String,
+    /// Column of the own ship's north, m; without it and the next one the own ship lies at the origin.
+    pub own_north_m: Option<String>,
     /// Column of the own ship's east, m.
-    pub own_east_m: String,
+    pub own_east_m: Option<String>,
     /// Column of the own ship's heading, deg; without it detections are in north-east axes.
     pub own_heading_deg: Option<String>,
     /// Column of the standard deviation of the own ship's position on each axis, m.
@@ -108,7 +108,7 @@ pub struct AisFile {
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AisColumns {
-    /// Column of the time: `YYYY-MM-DD HH:MM:SS.fff` or seconds.
+    /// Column of the time: a date and time of day (`YYYY-MM-DD HH:MM:SS.fff`), or s.
     pub time: String,
     /// Column of the MMSI.
     pub mmsi: String,
@@ -197,6 +197,16 @@ fn check(manifest: &TrackingManifest) -> std::result::Result<(), String> {
     if manifest.scans.is_none() && (manifest.detections.is_some() || manifest.truth.is_some()) {
         return Err("[detections] and [truth] refer to scans; add the table [scans]".to_owned());
     }
+    let own = manifest
+        .scans
+        .as_ref()
+        .map(|s| (&s.own_north_m, &s.own_east_m));
+    if own.is_some_and(|(north, east)| north.is_some() != east.is_some()) {
+        return Err(
+            "[scans] has one of own_north_m and own_east_m; name the columns of both, or of none where the own ship stands at the origin"
+                .to_owned(),
+        );
+    }
     let unnamed = manifest.scans.as_ref().is_some_and(|s| s.sensor.is_none());
     let is_log = manifest
         .ais
@@ -261,7 +271,7 @@ fn check_sensor(s: &SensorSettings) -> std::result::Result<(), String> {
     }
     if !(s.detection_probability > 0.0 && s.detection_probability < 1.0) {
         return Err(format!(
-            "detection_probability = {}: must lie between 0 and 1",
+            "detection_probability = {}: must lie between 0 and 1; for a sensor that misses next to nothing write 0.99",
             s.detection_probability
         ));
     }
@@ -277,7 +287,9 @@ fn check_sensor(s: &SensorSettings) -> std::result::Result<(), String> {
     }
     for (key, density) in densities {
         if let Some(density) = density.filter(|d| !(*d > 0.0 && d.is_finite())) {
-            return Err(format!("{key} = {density}: must be above 0"));
+            return Err(format!(
+                "{key} = {density}: must be above 0; for a sensor with next to no false detections write a small number, such as 0.01"
+            ));
         }
     }
     if s.largest_range_m.is_nan() || s.largest_range_m <= 0.0 {

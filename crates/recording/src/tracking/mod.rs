@@ -14,11 +14,13 @@
 //! | `ais.rs` | AIS reports and own-ship positions from tables and NMEA sentences |
 //! | `ttm.rs` | a radar's targets as NMEA sentences |
 //! | `plane.rs` | latitude and longitude to the local plane |
+//! | `plausibility.rs` | gross errors of units, clocks and columns |
 
 mod ais;
 pub mod manifest;
 mod output;
 mod plane;
+mod plausibility;
 pub mod sample;
 mod table_writer;
 mod tables;
@@ -71,10 +73,24 @@ impl TrackingRecording {
 /// The manifest is wrong, a file is missing, or a cell does not hold what its column promises; the
 /// message names file, line and column.
 pub fn open(path: &Path, data: Option<&Path>) -> Result<TrackingRecording> {
-    let (text, file) = read_manifest(path)?;
-    let manifest = manifest::parse(&text, &file)?;
+    let manifest = read_manifest(path).and_then(|(text, file)| manifest::parse(&text, &file));
+    let manifest = manifest.map_err(|error| no_manifest(path, error))?;
+    let file = path.display().to_string();
     let beside = path.parent().unwrap_or(Path::new(""));
     read(&manifest, &file, data.unwrap_or(beside))
+}
+
+/// The complaint about a file that is no manifest by its name either.
+fn no_manifest(path: &Path, error: RecordingError) -> RecordingError {
+    let is_named = path.extension().is_some_and(|name| name == "toml");
+    if is_named || matches!(error, RecordingError::Io { .. }) {
+        return error;
+    }
+    RecordingError::unsupported(
+        path.display().to_string(),
+        "not a manifest; targets are read through a manifest (.toml) that names the tables of scans and detections, or the log of AIS \
+         reports, and says what the sensors are like: write one as docs/formats.md, Targets, describes it",
+    )
 }
 
 /// How often the time goes back from one event of a file to the next. The truth has a file of its own.
@@ -111,6 +127,10 @@ pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<Tr
     if let Some(ais) = &manifest.ais {
         ais::read(manifest, ais, file, folder, &mut recording)?;
         recording.issues.out_of_time_order += going_back(&recording.events[from_tables..]);
+        if let Some(plane) = &recording.plane {
+            let log = plausibility::file_of(folder, &ais.file);
+            plausibility::reports(&log, ais, plane, &recording.events[from_tables..])?;
+        }
     }
     // Stable: events of one instant keep the order pose, detections, truth.
     recording
@@ -123,5 +143,6 @@ pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<Tr
             "at least one",
         ));
     }
+    plausibility::spans(&mut recording);
     Ok(recording)
 }

@@ -119,12 +119,14 @@ pub struct TargetTruth {
 }
 
 /// What was left out of a recording, or put instead.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
 pub struct TrackingIssues {
     /// Detections and truths whose scan is not in the table of scans.
     pub rows_without_scan: u64,
     /// Scans, reports and targets whose sensor the manifest does not describe.
     pub scans_of_unknown_sensors: u64,
+    /// Scans of which a cell of the own ship's pose is empty, as where its receiver had no fix.
+    pub scans_without_own_ship: u64,
     /// Scans and reports that stood after a later one in their file; they were sorted.
     pub out_of_time_order: u64,
     /// AIS reports without a position.
@@ -132,4 +134,6 @@ pub struct TrackingIssues {
     /// NMEA lines that are no sentence, have a wrong checksum, come before any time stamp, or are a radar's target before the
     /// own ship's place (and for a bearing from the bow its heading) is known.
     pub sentences_unusable: u64,
+    /// What is unusual and may be an error, or is taken for granted: a sentence each.
+    pub remarks: Vec<String>,
 }

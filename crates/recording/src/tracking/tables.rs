@@ -7,6 +7,7 @@ use csv::StringRecord;
 
 use super::TrackingRecording;
 use super::manifest::{DetectionTable, ScanTable, TrackingManifest, TruthTable};
+use super::plausibility::{self, Bearings, OwnPoint};
 use super::sample::{Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent, TrackingSample};
 use crate::delimited::Rows;
 use crate::error::{RecordingError, Result, join, shown};
@@ -91,15 +92,16 @@ impl Table {
     }
 
     fn integer<T: std::str::FromStr>(&self, column: usize) -> Result<T> {
-        self.text(column)
-            .parse()
-            .map_err(|_| self.bad_cell(column, "a whole number"))
+        whole(self.text(column)).ok_or_else(|| self.bad_cell(column, "a whole number"))
     }
 
-    /// A time stamp in seconds.
+    /// A time stamp: seconds, or a date and a time of day.
     pub(super) fn time_ns(&self, column: usize) -> Result<i64> {
-        stamp::parse_ns(self.text(column).as_bytes(), stamp::SECONDS)
-            .ok_or_else(|| self.bad_cell(column, "a time in seconds"))
+        let text = self.text(column).as_bytes();
+        let time_ns = stamp::parse_ns(text, stamp::SECONDS);
+        time_ns
+            .or_else(|| stamp::parse_date_time(text))
+            .ok_or_else(|| self.bad_cell(column, expected_time(self.text(column))))
     }
 
     /// The complaint about a cell of the current row.
@@ -112,6 +114,24 @@ impl Table {
             text: shown(self.text(column)),
             expected,
         }
+    }
+}
+
+/// A whole number; programs of statistics write one of a column with holes as `12.0`.
+pub(super) fn whole<T: std::str::FromStr>(text: &str) -> Option<T> {
+    let zeros = |(_, digits): &(&str, &str)| digits.bytes().all(|digit| digit == b'0');
+    let number = text.split_once('.').filter(zeros);
+    number.map_or(text, |(whole, _)| whole).parse().ok()
+}
+
+/// What a cell of the time should hold, which holds this. Seconds since 1970 have ten digits before the point, until the year 2286.
+fn expected_time(text: &str) -> &'static str {
+    let number = text.parse::<f64>().unwrap_or(0.0).abs();
+    match number {
+        1e11..1e14 => "a time in seconds; these look like milliseconds: divide by 1000",
+        1e14..1e17 => "a time in seconds; these look like microseconds: divide by 1000000",
+        1e17..1e20 => "a time in seconds; these look like nanoseconds: divide by 1000000000",
+        _ => "a time in seconds, nor a date with the time of day, such as 2023-11-14T22:13:20.5Z",
     }
 }
 
@@ -133,6 +153,7 @@ pub(super) fn read(
     let places = read_scans(scans, file, folder, out)?;
     if let Some(table) = &manifest.detections {
         read_detections(table, folder, &places, out)?;
+        plausibility::ranges(&plausibility::file_of(folder, &table.file), out)?;
     }
     if let Some(table) = &manifest.truth {
         read_truth(table, folder, &places, out)?;
@@ -149,16 +170,41 @@ fn read_scans(
     let mut table = Table::open(folder, &scans.file)?;
     let (id, time) = (table.column(&scans.scan)?, table.column(&scans.time_s)?);
     let sensor = table.optional(scans.sensor.as_ref())?;
-    let north = table.column(&scans.own_north_m)?;
-    let east = table.column(&scans.own_east_m)?;
+    let north = table.optional(scans.own_north_m.as_ref())?;
+    let east = table.optional(scans.own_east_m.as_ref())?;
     let heading = table.optional(scans.own_heading_deg.as_ref())?;
     let position_std = table.optional(scans.own_position_std_m.as_ref())?;
     let heading_std = table.optional(scans.own_heading_std_deg.as_ref())?;
     let only = out.sensors.iter().position(|(name, _)| name != "ais");
+    if north.is_none() {
+        let bow = if heading.is_none() {
+            ", its bow to the north"
+        } else {
+            ""
+        };
+        out.issues.remarks.push(format!(
+            "[scans] names no place of the own ship (own_north_m, own_east_m): it is taken to stand at the origin{bow}"
+        ));
+    }
+    let pose_columns = [north, east, heading, position_std, heading_std];
     let mut places = HashMap::new();
+    let mut own = Vec::new();
+    let mut times = vec![Vec::new(); out.sensors.len()];
+    let mut negative = None;
+    let mut negatives = 0;
     while table.advance()? {
         let number = |column: Option<usize>| column.map_or(Ok(0.0), |c| table.number(c));
         let (scan_id, time_ns) = (table.integer(id)?, table.time_ns(time)?);
+        if places.contains_key(&scan_id) {
+            return Err(table.bad_cell(id, "a scan number that stands once"));
+        }
+        let is_empty = |column: &usize| table.text(*column).is_empty();
+        if pose_columns.iter().flatten().any(is_empty) {
+            out.issues.scans_without_own_ship += 1;
+            let event = None;
+            places.insert(scan_id, Place { time_ns, event });
+            continue;
+        }
         let std = if position_std.is_some() || heading_std.is_some() {
             let position = number(position_std)?;
             Some([position, position, number(heading_std)?.to_radians()])
@@ -166,11 +212,31 @@ fn read_scans(
             None
         };
         let pose = OwnShipPose {
-            north_m: table.number(north)?,
-            east_m: table.number(east)?,
+            north_m: number(north)?,
+            east_m: number(east)?,
             heading_rad: number(heading)?.to_radians(),
             std,
         };
+        if std.is_some_and(|std| std.iter().any(|std| *std < 0.0)) {
+            negatives += 1;
+            let is_negative = |column: &&usize| table.number(**column).is_ok_and(|std| std < 0.0);
+            let columns = [position_std, heading_std];
+            let column = columns.iter().flatten().find(is_negative);
+            negative = negative.or(column.map(|column| {
+                table.bad_cell(
+                    *column,
+                    "a standard deviation: it is negative, as in every scan",
+                )
+            }));
+        }
+        if heading.is_some() && north.is_some() {
+            own.push(OwnPoint {
+                time_ns,
+                place: [pose.north_m, pose.east_m],
+                position_std_m: std.map_or(0.0, |[position, ..]| position),
+                heading: number(heading)?,
+            });
+        }
         let used = match sensor {
             Some(column) => {
                 let name = table.text(column);
@@ -182,13 +248,12 @@ fn read_scans(
         out.add(TrackingEvent { time_ns, sample }, &table.file)?;
         let event = used.map(|_| out.events.len());
         let place = Place { time_ns, event };
-        if places.insert(scan_id, place).is_some() {
-            return Err(table.bad_cell(id, "a scan number that stands once"));
-        }
+        places.insert(scan_id, place);
         let Some(sensor) = used else {
             out.issues.scans_of_unknown_sensors += 1;
             continue;
         };
+        times[sensor].push(time_ns);
         let sample = TrackingSample::Scan(Scan {
             id: scan_id,
             sensor,
@@ -196,12 +261,30 @@ fn read_scans(
         });
         out.add(TrackingEvent { time_ns, sample }, &table.file)?;
     }
-    if places.len() as u64 == out.issues.scans_of_unknown_sensors && !places.is_empty() {
+    let (rows, without) = (places.len() as u64, out.issues.scans_without_own_ship);
+    if rows > 0 && rows == without {
+        return Err(RecordingError::empty(
+            table.file(),
+            format!("each of its {rows} scans has an empty cell of the own ship's pose"),
+            "numbers in the columns of own_north_m, own_east_m and what else of the own ship [scans] names; without them leave these keys out",
+        ));
+    }
+    if rows > 0 && rows == without + out.issues.scans_of_unknown_sensors {
         return Err(RecordingError::manifest(
             file,
             "no scan is of a sensor in [sensors]; name them as the table of scans does",
         ));
     }
+    // Of some the tracker refuses the scans, and counts them.
+    if negatives == rows - without
+        && let Some(error) = negative
+    {
+        return Err(error);
+    }
+    if let Some(column) = &scans.own_heading_deg {
+        plausibility::heading_unit(table.file(), column, own)?;
+    }
+    plausibility::scan_times(table.file(), scans, times, out)?;
     Ok(places)
 }
 
@@ -267,10 +350,16 @@ fn read_detections(
     let id = table.column(&wanted.scan)?;
     let kinds = Kinds::new(&table, wanted)?;
     let mut detections = 0;
+    let [mut bearings, mut lone_bearings] = [Bearings::default(); 2];
     while table.advance()? {
         let Some(detection) = kinds.detection(&table)? else {
             continue;
         };
+        match detection {
+            Detection::RangeBearing { bearing_rad, .. } => bearings.take(bearing_rad),
+            Detection::Bearing { bearing_rad } => lone_bearings.take(bearing_rad),
+            _ => {}
+        }
         detections += 1;
         TRACKING_EVENTS.check(detections, &table.file, "")?;
         let Some(place) = places.get(&table.integer(id)?) else {
@@ -281,6 +370,12 @@ fn read_detections(
         if let Some(TrackingSample::Scan(scan)) = event.map(|event| &mut event.sample) {
             scan.detections.push(detection);
         }
+    }
+    if let Some([_, column]) = &wanted.range_m_bearing_rad {
+        bearings.check(&table.file, column, &mut out.issues)?;
+    }
+    if let Some(column) = &wanted.bearing_rad {
+        lone_bearings.check(&table.file, column, &mut out.issues)?;
     }
     Ok(())
 }

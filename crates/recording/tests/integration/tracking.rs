@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod plausibility;
+
 use std::path::{Path, PathBuf};
 
 use northing_recording::test_data::data_dir;
@@ -182,7 +184,7 @@ fn wrong_manifests_are_refused_with_the_line() {
         ),
         (
             replace("detection_probability = 0.9", "detection_probability = 1.5"),
-            "[sensors.radar] detection_probability = 1.5: must lie between 0 and 1",
+            "[sensors.radar] detection_probability = 1.5: must lie between 0 and 1; for a sensor that misses next to nothing write 0.99",
         ),
         (
             replace("range_std_m = 5.0", "range_std_m = -5.0"),
@@ -195,7 +197,7 @@ fn wrong_manifests_are_refused_with_the_line() {
         ),
         (
             replace("clutter_per_km2 = 10.0", "clutter_per_km2 = 0.0"),
-            "must be above 0",
+            "must be above 0; for a sensor with next to no false detections write a small number, such as 0.01",
         ),
         ("name = 'x'".to_owned(), "neither [scans] nor [ais]"),
         (
