@@ -67,11 +67,13 @@ pub struct TrackSummary {
     pub targets: Vec<TargetSummary>,
     /// Tracks that were ever confirmed.
     pub confirmed_tracks: usize,
-    /// Confirmed tracks that never followed a target (of all confirmed tracks when there is truth).
+    /// Those of them that were reported at an instant with true positions; of the others nothing is known.
+    pub scored_tracks: usize,
+    /// Scored tracks that never followed a target.
     pub false_tracks: usize,
-    /// Sum over the instants of reported tracks without a target.
+    /// Sum over the instants with true positions of reported tracks without a target.
     pub false_track_epochs: usize,
-    /// The same for each hour of true positions. What is there without a true position, a quay or a moored boat, counts too.
+    /// Scored tracks that never followed a target, for each hour from the first true position to the last. What is there without a true position, a quay or a moored boat, counts too.
     pub false_tracks_per_hour: Option<f64>,
     /// Distance beyond which a track is no track of a target, m; `None` without true positions.
     pub cutoff_m: Option<f64>,
@@ -191,6 +193,8 @@ pub(super) struct Score {
     truth_std_m: f64,
     targets: BTreeMap<u32, TargetTally>,
     pub(super) confirmed: BTreeSet<u32>,
+    /// Tracks at instants with true positions, and those of them that followed a target.
+    pub(super) scored: BTreeSet<u32>,
     matched: BTreeSet<u32>,
     pub(super) false_epochs: usize,
     gospa_sum: f64,
@@ -229,6 +233,7 @@ impl Score {
         if self.cutoff_m <= 0.0 {
             return;
         }
+        self.scored.extend(tracks.iter().map(|track| track.id));
         let first = self.scored_s.map_or(time_s, |[first, _]| first);
         self.scored_s = Some([first, time_s]);
         let cutoff = self.cutoff_m;
@@ -273,10 +278,7 @@ impl Score {
     }
 
     pub(super) fn false_tracks(&self) -> usize {
-        if self.targets.is_empty() {
-            return 0;
-        }
-        self.confirmed.difference(&self.matched).count()
+        self.scored.difference(&self.matched).count()
     }
 
     pub(super) fn false_tracks_per_hour(&self) -> Option<f64> {
@@ -391,6 +393,28 @@ mod tests {
         let whole: f64 = [1600.0, 9.0 + 800.0, 16.0, 1600.0, 800.0].iter().sum();
         let distance = score.trajectory_distance().unwrap();
         assert_relative_eq!(distance.at_most_m, (whole / 5.0).sqrt(), epsilon = 1e-9);
+    }
+
+    #[test]
+    fn false_tracks_are_those_of_the_time_of_the_true_positions() {
+        // A false track of a scan each, for an hour; true positions for six minutes in it, or for all of it.
+        let rate = |known: std::ops::Range<u32>| {
+            let mut score = Score::new(Some(40.0), 0.0);
+            for k in 0..360 {
+                let tracks = [track(0, 0.0), track(1 + k, 500.0)];
+                if known.contains(&k) {
+                    score.epoch(f64::from(10 * k), &[(7, [0.0, 0.0])], &tracks, &[]);
+                } else {
+                    score.seen(&tracks);
+                }
+            }
+            assert_eq!(score.confirmed.len(), 361);
+            assert_eq!(score.scored.len(), known.len() + 1);
+            assert_eq!(score.false_tracks(), known.len());
+            score.false_tracks_per_hour().unwrap()
+        };
+        assert_relative_eq!(rate(0..360), 360.0, max_relative = 0.01);
+        assert_relative_eq!(rate(100..137), 370.0, max_relative = 0.01);
     }
 
     #[test]

@@ -7,7 +7,8 @@ use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{Scan, ScanSensor, TrackStatus};
 use northing_core::tracking::own_ship::OwnShip;
 use northing_recording::tracking::{
-    Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
+    Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingEvent, TrackingIssues,
+    TrackingRecording, TrackingSample,
 };
 
 use super::epoch::{EpochScan, TrackEpoch};
@@ -249,6 +250,7 @@ impl Runner {
             elapsed_s: started.elapsed().as_secs_f64(),
             targets: self.score.targets(),
             confirmed_tracks: self.score.confirmed.len(),
+            scored_tracks: self.score.scored.len(),
             false_tracks: self.score.false_tracks(),
             false_track_epochs: self.score.false_epochs,
             false_tracks_per_hour: self.score.false_tracks_per_hour(),
@@ -259,11 +261,22 @@ impl Runner {
             tgospa_at_least_m: over_time.map(|distance| distance.at_least_m),
             learnt: self.tracker.learnt(&self.noises()),
             counts: Counts::from(self.tracker.counts()),
-            left_out: recording.issues,
+            left_out: left_out(recording, self.tracker.counts().scans),
             parameters: self.parameters.clone(),
             version: VERSION,
         }
     }
+}
+
+/// What the reader left out and remarked on, and true positions that nothing was scored against because no scan was used.
+fn left_out(recording: &TrackingRecording, scans: u64) -> TrackingIssues {
+    let mut issues = recording.issues.clone();
+    let is_truth = |event: &TrackingEvent| matches!(event.sample, TrackingSample::Truth(_));
+    if scans == 0 && recording.events.iter().any(is_truth) {
+        let remark = "no scan was used, so there is no score, although there are true positions";
+        issues.remarks.push(remark.to_owned());
+    }
+    issues
 }
 
 /// A detection as the tracker takes it: relative to the bow of the own ship, from which it was seen.
