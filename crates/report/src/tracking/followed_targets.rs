@@ -9,11 +9,19 @@ use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Cell, Column, Table};
 use northing_evaluation::tracking::matching::{assign, distance};
 use northing_evaluation::tracking::outcome::{COVERED, Counts, Learnt};
-use northing_evaluation::tracking::{TrackEpoch, TrackSummary};
+use northing_evaluation::tracking::{TargetSummary, TrackEpoch, TrackSummary};
 use northing_recording::tracking::TrackingIssues;
+use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Gamma};
 
 /// Coverage from which a target counts as well followed.
 const WELL_COVERED: f64 = 0.75;
+/// Share of the time that is most of it.
+const MOST: f64 = 0.5;
+/// What happens more rarely than this to a consistent tracker is no chance: one page of a thousand is blamed without a reason.
+const CHANCE: f64 = 1e-3;
+/// Instants that an error of a track lasts: its filter averages over some scans, and neighbouring errors are alike. So many instants count as
+/// one independent sample. The targets of one recording share the errors of the own ship, so that together they count no more than one of them.
+const LASTING: usize = 10;
 
 /// The page of a run; `command` makes it again.
 #[must_use]
@@ -162,9 +170,30 @@ fn three_digits(number: f64) -> String {
 }
 
 fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
-    let covered = metres(COVERED * summary.cutoff_m.unwrap_or_default());
+    let mut verdicts = each_target(summary);
+    verdicts.extend(consistency(&summary.targets));
+    verdicts.extend(false_tracks(summary));
+    verdicts
+}
+
+fn each_target(summary: &TrackSummary) -> Vec<Verdict> {
+    let cutoff = summary.cutoff_m.unwrap_or_default();
+    let covered = metres(COVERED * cutoff);
     let each = summary.targets.iter().map(|target| {
         let share = 100.0 * target.coverage;
+        // One and the same track went along with it, at a distance.
+        if target.lost && target.continuity > MOST {
+            return Verdict::new(
+                Tone::Warn,
+                format!(
+                    "Target {} is followed at a distance: one track within {} for {:.0} % of the time, {} off in the median; within {covered} for {share:.0} %.",
+                    target.target,
+                    metres(cutoff),
+                    100.0 * target.continuity,
+                    metres(target.median_error_m.unwrap_or_default()),
+                ),
+            );
+        }
         let (tone, words) = if target.lost {
             (Tone::Bad, "is lost")
         } else if target.switches > 0 {
@@ -182,6 +211,87 @@ fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
     each.collect()
 }
 
+/// Whether errors are as large as stated: over all targets, or where all together are, of each one.
+fn consistency(targets: &[TargetSummary]) -> Vec<Verdict> {
+    let each: Vec<_> = targets
+        .iter()
+        .filter_map(|t| Some((t.target, t.matched, t.inside_95?, t.anees?)))
+        .collect();
+    let instants: usize = each.iter().map(|(_, matched, ..)| matched).sum();
+    let longest = each.iter().map(|(_, matched, ..)| *matched).max();
+    let mean = |sum: f64| sum / instants as f64;
+    let inside = mean(
+        each.iter()
+            .map(|(_, m, inside, _)| *m as f64 * inside)
+            .sum(),
+    );
+    let anees = mean(each.iter().map(|(_, m, _, anees)| *m as f64 * anees).sum());
+    let overall = stated("Errors", longest.unwrap_or(0), inside, anees);
+    if let Some(overall) = overall {
+        return vec![overall];
+    }
+    let of = |(target, matched, inside, anees): (u32, usize, f64, f64)| {
+        stated(
+            &format!("Errors of target {target}"),
+            matched,
+            inside,
+            anees,
+        )
+    };
+    each.into_iter().filter_map(of).collect()
+}
+
+/// Whether errors are larger or smaller than stated, beyond what chance does in so many instants; few say nothing.
+fn stated(whose: &str, instants: usize, inside: f64, anees: f64) -> Option<Verdict> {
+    let samples = (instants / LASTING) as u64;
+    let inside_of_samples = (inside * samples as f64).floor() as u64;
+    let of_those = Binomial::new(0.95, samples).ok()?;
+    let percent = 100.0 * inside;
+    // A mean of samples each of which is exponential with mean 1: half a chi-square of two degrees of freedom.
+    let mean_of = |samples: f64| Gamma::new(samples, samples).ok();
+    if of_those.cdf(inside_of_samples) < CHANCE {
+        // Even if one and the same error lasted all the time, and there were a single sample.
+        let by_no_chance = mean_of(1.0)?.sf(anees) < CHANCE;
+        let tone = if by_no_chance { Tone::Bad } else { Tone::Warn };
+        return Some(Verdict::new(
+            tone,
+            format!(
+                "{whose} are larger than stated: {percent:.0} % of the true positions lie inside the 95 % ellipse, ANEES {}. A constant error of \
+                 heading, bearing or clock does this, or standard deviations that are stated too small.",
+                three_digits(anees)
+            ),
+        ));
+    }
+    let is_small = inside >= 0.95 && mean_of(samples as f64)?.cdf(anees) < CHANCE;
+    is_small.then(|| {
+        Verdict::new(
+            Tone::Info,
+            format!(
+                "{whose} are smaller than stated: ANEES {}, where 1 is consistent, with {percent:.0} % of the true positions inside the 95 % ellipse. \
+                 Standard deviations are stated too large, or an error that lasts, as of the own ship's heading, is small in this recording.",
+                three_digits(anees)
+            ),
+        )
+    })
+}
+
+/// How many tracks are on no target. Most are, beyond chance, where so many of so many would be rare if it were a half.
+fn false_tracks(summary: &TrackSummary) -> Option<Verdict> {
+    let (all, none) = (summary.scored_tracks, summary.false_tracks);
+    let below = none.checked_sub(1)?;
+    let half = Binomial::new(0.5, all as u64).ok()?;
+    let is_most = half.sf(below as u64) < CHANCE;
+    let rate = summary.false_tracks_per_hour;
+    let rate = rate.map_or(String::new(), |rate| format!(", {rate:.0} an hour"));
+    let text = format!(
+        "{none} of {all} tracks are on no target ({:.0} %){rate}. What is there without a true position, a quay or a moored boat, counts too; if nothing is, \
+         the sensor's clutter is stated too small.",
+        100.0 * none as f64 / all as f64
+    );
+    let tone = if is_most { Tone::Warn } else { Tone::Info };
+    Some(Verdict::new(tone, text))
+}
+
 fn targets(summary: &TrackSummary) -> Vec<Table> {
     let Some(cutoff) = summary.cutoff_m else {
         return Vec::new();
@@ -189,7 +299,7 @@ fn targets(summary: &TrackSummary) -> Vec<Table> {
     let column = |name: &str, unit: &str| Column::new(name, unit, None);
     let rows = summary.targets.iter().map(|t| {
         vec![
-            Cell::text(format!("target {}", t.target)),
+            Cell::text(format!("target\u{a0}{}", t.target)),
             Cell::number(t.rmse_m, 1),
             Cell::number(t.median_error_m, 1),
             Cell::number(Some(t.coverage), 2),
@@ -291,14 +401,14 @@ fn refusals(counts: &Counts) -> Vec<String> {
         ),
         (
             counts.approximate_clusters,
-            "times that targets were too close together for exact association: belief propagation instead",
+            "groups of tracks, confirmed or not, that shared detections in more ways than are enumerated: belief propagation instead",
         ),
     ];
     said(&sentences)
 }
 
 fn omissions(issues: &TrackingIssues) -> Vec<String> {
-    said(&[
+    let mut sentences = said(&[
         (
             issues.rows_without_scan,
             "rows of detections or truth whose scan is not in the table of scans",
@@ -306,6 +416,10 @@ fn omissions(issues: &TrackingIssues) -> Vec<String> {
         (
             issues.scans_of_unknown_sensors,
             "scans, reports or targets of sensors that the manifest does not describe",
+        ),
+        (
+            issues.scans_without_own_ship,
+            "scans left out: a cell of the own ship's pose is empty",
         ),
         (
             issues.out_of_time_order,
@@ -319,11 +433,176 @@ fn omissions(issues: &TrackingIssues) -> Vec<String> {
             issues.sentences_unusable,
             "NMEA lines that are no sentence, fail their checksum, have no time, or are seen from a place that is not known",
         ),
-    ])
+    ]);
+    sentences.extend(issues.remarks.iter().cloned());
+    sentences
 }
 
 fn said(sentences: &[(u64, &str)]) -> Vec<String> {
     let some = sentences.iter().filter(|(count, _)| *count > 0);
     some.map(|(count, what)| format!("{count} {what}"))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn target(matched: usize, inside_95: f64, anees: f64) -> TargetSummary {
+        TargetSummary {
+            target: 1,
+            epochs: matched,
+            matched,
+            rmse_m: Some(50.0),
+            median_error_m: Some(48.6),
+            coverage: 0.97,
+            seen: 0.9,
+            lost: false,
+            switches: 0,
+            inside_95: Some(inside_95),
+            anees: Some(anees),
+            found_after_s: Some(4.0),
+            continuity: 0.97,
+        }
+    }
+
+    fn summary(targets: Vec<TargetSummary>, [scored, none]: [usize; 2]) -> TrackSummary {
+        TrackSummary {
+            recording: "bay".to_owned(),
+            tracker: "schmidt",
+            sensors: vec!["radar".to_owned()],
+            duration_s: 298.0,
+            elapsed_s: 0.1,
+            targets,
+            confirmed_tracks: scored + 3,
+            scored_tracks: scored,
+            false_tracks: none,
+            false_track_epochs: none,
+            false_tracks_per_hour: Some(12.0 * none as f64),
+            cutoff_m: Some(87.4),
+            gospa_m: None,
+            ospa_m: None,
+            tgospa_m: None,
+            tgospa_at_least_m: None,
+            learnt: Learnt::default(),
+            counts: Counts {
+                scans: 150,
+                scans_refused_time: 0,
+                scans_refused_pose: 0,
+                scans_refused_jump: 0,
+                detections_invalid: 0,
+                bearing_undefined: 0,
+                numerical: 0,
+                beyond_capacity: 0,
+                initiated: 0,
+                merged: 0,
+                approximate_clusters: 2,
+            },
+            left_out: TrackingIssues {
+                scans_without_own_ship: 4,
+                remarks: vec!["the clocks differ".to_owned()],
+                ..TrackingIssues::default()
+            },
+            parameters: Vec::new(),
+            version: "",
+        }
+    }
+
+    /// Tone and beginning of the verdict, or nothing.
+    fn errors_are(matched: usize, inside: f64, anees: f64) -> Option<(Tone, bool)> {
+        let verdicts = consistency(&[target(matched, inside, anees)]);
+        assert!(verdicts.len() <= 1, "{verdicts:?}");
+        let verdict = verdicts.first()?;
+        Some((
+            verdict.tone,
+            verdict.text.starts_with("Errors are larger than stated"),
+        ))
+    }
+
+    #[test]
+    fn errors_larger_or_smaller_than_stated_beyond_chance() {
+        assert_eq!(errors_are(140, 0.95, 1.0), None);
+        assert_eq!(errors_are(140, 0.85, 1.4), None);
+        assert_eq!(errors_are(140, 0.44, 3.2), Some((Tone::Warn, true)));
+        assert_eq!(errors_are(140, 0.02, 7.2), Some((Tone::Bad, true)));
+        assert_eq!(errors_are(140, 1.0, 0.5), None);
+        assert_eq!(errors_are(140, 1.0, 0.2), Some((Tone::Info, false)));
+        // Few instants say nothing, whatever they are; of none there is no number.
+        assert_eq!(errors_are(29, 0.0, 7.2), None);
+        assert_eq!(errors_are(9, 1.0, 0.0), None);
+        assert!(consistency(&[]).is_empty());
+    }
+
+    #[test]
+    fn one_target_among_many_is_named() {
+        let mut targets = vec![target(140, 0.96, 0.9); 8];
+        targets[5] = TargetSummary {
+            target: 6,
+            ..target(140, 0.5, 3.0)
+        };
+        let verdicts = consistency(&targets);
+        assert_eq!(verdicts.len(), 1);
+        let text = &verdicts[0].text;
+        assert!(
+            text.starts_with("Errors of target 6 are larger than stated: 50 %"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_target_with_one_displaced_track_is_not_lost() {
+        let displaced = TargetSummary {
+            coverage: 0.43,
+            continuity: 0.93,
+            lost: true,
+            ..target(140, 0.0, 7.2)
+        };
+        let gone = TargetSummary {
+            continuity: 0.2,
+            ..displaced.clone()
+        };
+        let verdicts = each_target(&summary(vec![displaced, gone], [2, 0]));
+        let text = &verdicts[0].text;
+        assert!(
+            text.contains("one track within 87.4 m for 93 % of the time, 48.6 m off in the median"),
+            "{text}"
+        );
+        assert!(
+            !text.contains("lost") && verdicts[0].tone == Tone::Warn,
+            "{text}"
+        );
+        assert!(verdicts[1].text.contains("is lost") && verdicts[1].tone == Tone::Bad);
+    }
+
+    #[test]
+    fn most_tracks_on_no_target_are_worth_a_look() {
+        let of = |all, none| false_tracks(&summary(Vec::new(), [all, none]));
+        assert_eq!(of(5, 0), None);
+        assert_eq!(of(11, 6).unwrap().tone, Tone::Info);
+        let most = of(423, 416).unwrap();
+        assert_eq!(most.tone, Tone::Warn);
+        assert!(
+            most.text
+                .starts_with("416 of 423 tracks are on no target (98 %), 4992 an hour."),
+            "{}",
+            most.text
+        );
+    }
+
+    #[test]
+    fn a_target_keeps_to_one_line_and_remarks_are_told() {
+        let one = summary(vec![target(140, 0.95, 1.0)], [1, 0]);
+        let page = render(&one, &[], "northing track bay.toml");
+        assert!(page.contains("target\u{a0}1"));
+        let told = left_out(&one);
+        let begins = [
+            "2 groups of tracks, confirmed or not",
+            "4 scans left out",
+            "the clocks differ",
+        ];
+        assert_eq!(told.len(), begins.len());
+        for (told, begins) in told.iter().zip(begins) {
+            assert!(told.starts_with(begins), "{told}");
+        }
+    }
 }
