@@ -58,10 +58,16 @@ impl Issues {
     /// What stamps may be that are too far apart for any gyroscope.
     fn unit_of_stamps(&self) -> Option<String> {
         let intervals = self.gyroscope_stamps.saturating_sub(1);
-        if intervals < FEWEST_INTERVALS || 2 * self.gaps < intervals || self.stamps_are_dates {
+        if intervals < FEWEST_INTERVALS || 2 * self.gaps < intervals {
             return None;
         }
         let interval_s = self.gyroscope_span_s / intervals as f64;
+        let slow = format!(
+            "The gyroscope has one sample every {interval_s:.3} s, too few to follow any turn"
+        );
+        if self.stamps_are_dates {
+            return Some(format!("{slow}. Record it more often."));
+        }
         // Gyroscopes sample with 5 Hz to 1 kHz.
         let units = [
             ("milliseconds", "ms", 1e3),
@@ -72,9 +78,8 @@ impl Issues {
             .into_iter()
             .find(|(_, _, factor)| (1e-3..=0.2).contains(&(interval_s / factor)))?;
         Some(format!(
-            "The gyroscope has one sample every {interval_s:.3} s, too few to follow any turn; the stamps look like \
-             {name} under the name of seconds ({:.0} samples a second then). If so, divide them by {factor:.0}, or \
-             describe the file with a manifest whose time has unit = \"{unit}\".",
+            "{slow}; the stamps look like {name} under the name of seconds ({:.0} samples a second then). If so, divide them by \
+             {factor:.0}, or describe the file with a manifest whose time has unit = \"{unit}\".",
             factor / interval_s
         ))
     }
