@@ -30,11 +30,23 @@ fn implausible(
 }
 
 /// The bearings of one column, as they were written.
-#[derive(Debug, Default, Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Bearings {
     count: u64,
     beyond: u64,
-    largest: f64,
+    least: f64,
+    most: f64,
+}
+
+impl Default for Bearings {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            beyond: 0,
+            least: f64::INFINITY,
+            most: f64::NEG_INFINITY,
+        }
+    }
 }
 
 impl Bearings {
@@ -47,12 +59,14 @@ impl Bearings {
         if bearing.is_finite() {
             self.count += 1;
             self.beyond += u64::from(bearing.abs() > Self::TURN);
-            self.largest = self.largest.max(bearing.abs());
+            self.least = self.least.min(bearing);
+            self.most = self.most.max(bearing);
         }
     }
 
     /// Refuses degrees: of bearings all around 98 % are beyond a full turn of radians, of a camera's within 30 degrees of the bow 79 %, where of
-    /// radians none is, but for one that counts on past a turn. A tenth is between the two.
+    /// radians none is, but for one that counts on past a turn. A tenth is between the two. Those that are beyond and yet within two turns of each
+    /// other may be radians with turns added, which is said only.
     pub(super) fn check(
         &self,
         file: &str,
@@ -62,14 +76,15 @@ impl Bearings {
         if self.beyond == 0 || 10 * self.beyond < self.count {
             return Ok(());
         }
+        let largest = self.most.abs().max(self.least.abs());
         let evidence = format!(
             "column `{}`: {} of {} are beyond a full turn of 2 pi, the largest is {:.1}; expected radians, clockwise from the bow",
             shown(column),
             self.beyond,
             self.count,
-            self.largest
+            largest
         );
-        if self.largest > Self::MOST_DEG {
+        if largest > Self::MOST_DEG || self.most - self.least <= 2.0 * Self::TURN {
             issues.remarks.push(format!("bearings in {evidence}"));
             return Ok(());
         }
@@ -220,7 +235,8 @@ fn refuse_ranges_of_noise(
     ranges: &[f64],
     largest: f64,
 ) -> Result<()> {
-    if ranges.len() < ENOUGH || largest >= settings.range_std_m {
+    // Of negative ones the tracker skips each, and counts it.
+    if ranges.len() < ENOUGH || largest >= settings.range_std_m || largest <= 0.0 {
         return Ok(());
     }
     let evidence = format!(

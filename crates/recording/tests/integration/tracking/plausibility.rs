@@ -164,6 +164,8 @@ fn bearings_in_degrees_are_refused() {
     // One that goes on past a turn, now and then, and one that counts its turns.
     bay.range_bearing = |k| [800.0, if k == 7 { 6.5 } else { 6.0 }];
     assert_eq!(bay.read().issues.remarks, [""; 0]);
+    bay.range_bearing = |k| [800.0, 0.19 * k as f64 + 40.0];
+    bay.remarked("bearings in column `bearing`: 40 of 40 are beyond a full turn of 2 pi, the largest is 47.4");
     bay.range_bearing = |k| [800.0, 12.0 * k as f64];
     bay.remarked("are beyond a full turn of 2 pi, the largest is 468.0");
 }
@@ -200,6 +202,8 @@ fn ranges_in_miles_are_refused_and_a_limit_below_all_is_said() {
         "range_std_m of 10 m",
         "1852",
     ]);
+    bay.range_bearing = |k| [-800.0 - k as f64, 0.0];
+    assert_eq!(bay.read().issues.remarks, [""; 0]);
     let mut bay = Bay::new();
     bay.manifest = MANIFEST.replace("3000.0", "3.0");
     bay.remarked(
