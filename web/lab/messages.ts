@@ -82,7 +82,7 @@ export type CardLine = {
   minutes: number,
   questions: Array<Question>, };
 
-export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "rounding" | "noise" | "acceleration" | "lasting-errors";
+export type Cause = "unit" | "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "rounding" | "noise" | "acceleration" | "lasting-errors";
 
 export type Change = {
   settings: Settings,
@@ -220,6 +220,7 @@ export type ExperimentRow = {
   name: string,
   at: string,
   duration_s: number,
+  asked_s: number,
   settings: Settings,
   subject: EstimatorKind,
   sensors: Array<SensorKind>,
@@ -609,6 +610,9 @@ export type RestNumbers = {
 export type ResultCell = {
   calculated_error_deg: number | null,
   estimated_error_deg: number | null,
+  degrees_of_freedom: number | null,
+  calculated_tilt_deg: number | null,
+  estimated_tilt_deg: number | null,
   verdict: FinalVerdict | null,
   nis_acc: number | null,
   nis_mag: number | null,

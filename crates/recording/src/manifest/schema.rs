@@ -402,7 +402,9 @@ pub fn parse(text: &str, file: &str) -> Result<Manifest> {
         match is_of_targets(text) {
             true => RecordingError::manifest(
                 file,
-                format!("it describes detections of targets, which `northing track` follows ({problem})"),
+                format!(
+                    "it describes detections of targets, which `northing track` follows ({problem})"
+                ),
             ),
             false => RecordingError::manifest(file, problem),
         }
@@ -437,7 +439,11 @@ fn parse_toml(text: &str) -> std::result::Result<Manifest, toml::de::Error> {
 /// Whether it is a manifest of the trackers' recordings.
 fn is_of_targets(text: &str) -> bool {
     let table = text.parse::<toml::Table>();
-    table.is_ok_and(|table| ["detections", "ais", "scans"].iter().any(|key| table.contains_key(*key)))
+    table.is_ok_and(|table| {
+        ["detections", "ais", "scans"]
+            .iter()
+            .any(|key| table.contains_key(*key))
+    })
 }
 
 /// What is left of a manifest of several files.

@@ -261,7 +261,10 @@ fn exchanged_axes_and_single_wrong_signs_are_refused_with_the_axes_that_fit() {
         });
         let read = Recording::from_events(Metadata::default(), &SensorKind::ALL, wrong, &DEFAULT());
         let said = error(read).unwrap();
-        assert!(said.contains(named) && said.contains("`axes` in a manifest"), "{said}");
+        assert!(
+            said.contains(named) && said.contains("`axes` in a manifest"),
+            "{said}"
+        );
     }
 }
 

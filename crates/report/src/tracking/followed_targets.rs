@@ -559,7 +559,7 @@ mod tests {
         };
         let gone = TargetSummary {
             continuity: 0.2,
-            ..displaced.clone()
+            ..displaced
         };
         let verdicts = each_target(&summary(vec![displaced, gone], [2, 0]));
         let text = &verdicts[0].text;
