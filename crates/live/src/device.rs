@@ -238,7 +238,7 @@ impl Task {
         for happening in happenings {
             match happening {
                 // The engine keeps these.
-                Happening::Note(_) => {}
+                Happening::Note(_) | Happening::Over(_) => {}
                 Happening::GaveUp(reason) => {
                     let name = lock(&self.device.status).name.clone();
                     let text = format!("{name}: {reason}");

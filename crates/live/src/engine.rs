@@ -168,6 +168,7 @@ impl DeviceEngine {
         for happening in happenings {
             match happening {
                 Happening::Note(remark) => self.remark(remark),
+                Happening::Over(text) => self.remarks.retain(|remark| remark.text != text),
                 other => rest.push(other),
             }
         }

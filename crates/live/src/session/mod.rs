@@ -68,6 +68,8 @@ pub enum Happening {
     GaveUp(String),
     /// Something to tell people.
     Note(Remark),
+    /// A note of this text is not true any more.
+    Over(String),
 }
 
 /// One device. See the [module](self).
@@ -228,7 +230,10 @@ impl DeviceSession {
             && time_ns.saturating_sub(last) > RESTART_GAP_NS
         {
             let seconds = time_ns.saturating_sub(last) as f64 * 1e-9;
-            let text = format!("Nothing came for {seconds:.1} s: the estimates start anew.");
+            // Samples may have been lost, or the device's clock was set: stamps do not tell.
+            let text = format!(
+                "The gyroscope's time stamps leap by {seconds:.1} s: the estimates start anew."
+            );
             happenings.push(Happening::Note(Remark::new(Tone::Warn, text)));
             // Options were checked when they were set.
             let _ = self.restart_tracks();
@@ -251,6 +256,13 @@ impl DeviceSession {
                 let is_new = !fault.is_over || fault.kind == FaultKind::Spike;
                 let last_ns = self.last_fault_ns.unwrap_or(i64::MIN);
                 let is_due = time_ns.saturating_sub(last_ns) > FAULT_NOTE_NS;
+                let lasted = matches!(
+                    fault.kind,
+                    FaultKind::Stuck | FaultKind::Noise | FaultKind::Saturated
+                );
+                if Some(track.kind) == subject && fault.is_over && lasted {
+                    happenings.push(Happening::Over(sentence_now(&fault)));
+                }
                 if Some(track.kind) == subject && is_new && is_due {
                     self.last_fault_ns = Some(time_ns);
                     let remark = Remark::new(Tone::Warn, sentence_now(&fault));

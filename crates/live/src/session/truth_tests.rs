@@ -88,9 +88,15 @@ fn no_lamp_is_green_while_the_gyroscope_repeats_itself() {
     }
     let force = lamp(&mut live, SensorKind::Accelerometer).unwrap();
     assert_eq!(force.tone, Tone::Bad);
-    live.take(&mut events[cut(&events, 13.0)..cut(&events, 15.0)].to_vec());
+    let happenings = live.take(&mut events[cut(&events, 13.0)..cut(&events, 15.0)].to_vec());
     let force = lamp(&mut live, SensorKind::Accelerometer).unwrap();
     assert!(!force.text.contains("repeats"), "{force:?}");
+    let over =
+        |h: &Happening| matches!(h, Happening::Over(text) if text.contains("gyroscope repeats"));
+    assert!(
+        happenings.iter().any(over),
+        "what is not true any more is withdrawn"
+    );
 }
 
 #[test]

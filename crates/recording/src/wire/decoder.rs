@@ -153,7 +153,7 @@ impl PageLoad {
             let hidden = batch.page_events.iter().any(|event| event.kind == "hidden");
             out.append(self.decoder.decode(&batch));
             if hidden {
-                out.warn("The page on the phone is hidden: its sensors pause.");
+                out.warn("The page on the phone was hidden: its sensors pause meanwhile.");
             }
         }
         out

@@ -257,7 +257,7 @@ fn stated(whose: &str, instants: usize, inside: f64, anees: f64) -> Option<Verdi
             tone,
             format!(
                 "{whose} are larger than stated: {percent:.0} % of the true positions lie inside the 95 % ellipse, ANEES {}. A constant error of \
-                 heading, bearing or clock does this, or standard deviations that are stated too small.",
+                 heading, bearing or clock may be the reason, or standard deviations that are stated too small.",
                 three_digits(anees)
             ),
         ));
@@ -285,7 +285,7 @@ fn false_tracks(summary: &TrackSummary) -> Option<Verdict> {
     let rate = rate.map_or(String::new(), |rate| format!(", {rate:.0} an hour"));
     let text = format!(
         "{none} of {all} tracks are on no target ({:.0} %){rate}. What is there without a true position, a quay or a moored boat, counts too; if nothing is, \
-         the sensor's clutter is stated too small.",
+         the sensor's clutter may be stated too small.",
         100.0 * none as f64 / all as f64
     );
     let tone = if is_most { Tone::Warn } else { Tone::Info };
