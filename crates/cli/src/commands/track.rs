@@ -301,6 +301,9 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
         let truth = !summary.targets.is_empty();
         let note = if truth {
             format!(", {} of them on no target", summary.false_tracks)
+        } else if summary.counts.scans == 0 {
+            // What became of true positions is among the remarks.
+            "; nothing was tracked".to_owned()
         } else {
             "; no true positions to score against".to_owned()
         };

@@ -18,8 +18,9 @@ use crate::statistics::median;
 pub(in crate::exercises) const FAILED_DEG: f64 = 5.0;
 /// A scale error is found within this, percent.
 pub(in crate::exercises) const SCALE_PERCENT: f64 = 0.3;
-/// Whole turns may be off by so much before they are none, deg.
+/// A whole turn may be off by so much before it is none, deg, and several together by so much.
 pub(in crate::exercises) const WHOLE_TURN_DEG: f64 = 30.0;
+const MOST_OFF_DEG: f64 = 90.0;
 /// Both rests of a whole turn point the same way within this, deg.
 pub(in crate::exercises) const SAME_POSE_DEG: f64 = 3.0;
 /// A field that differs by less than this is the room's, microtesla.
@@ -115,8 +116,9 @@ pub(in crate::exercises) fn scale(work: &Work<'_>, judgement: &mut Judgement) ->
     };
     demand(judgement, turns != 0.0, "reason.wholeTurn", values())?;
     // A scale error of the allowed size shows in both; the device back in its pose shows in gravity, too.
-    let is_whole = (degrees - 360.0 * turns).abs() <= WHOLE_TURN_DEG
-        && turn.angle().to_degrees() <= WHOLE_TURN_DEG;
+    // It grows with the turns: 8 % are 30 degrees of one, and 90 of three.
+    let most = (WHOLE_TURN_DEG * turns.abs()).min(MOST_OFF_DEG);
+    let is_whole = (degrees - 360.0 * turns).abs() <= most && turn.angle().to_degrees() <= most;
     demand(
         judgement,
         is_whole && same_pose(work.events, span[0], span[1]),

@@ -315,6 +315,10 @@ fn the_scale() {
         .answer("axis", "z")
         .answer("error", "-0.8");
     assert!(other_way.judge().passed, "{:#?}", other_way.judge());
+    // 54 degrees over three turns: a bad gyroscope, and not a phone that was not brought back.
+    let bad = Sketch::new(Card::Scale, turning(3.0, 5.0));
+    let bad = bad.answer("axis", "z").answer("error", "5");
+    assert!(bad.judge().passed, "{:#?}", bad.judge());
     let half = Sketch::new(Card::Scale, turning(2.5, 0.0))
         .answer("axis", "z")
         .answer("error", "0");
