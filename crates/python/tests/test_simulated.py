@@ -76,6 +76,10 @@ def test_refusals(tmp_path: Path) -> None:
         no.virtual_vehicle("plane")
     with pytest.raises(ValueError, match="duration=0"):
         no.virtual_vehicle(duration=0)
+    with pytest.raises(ValueError, match="seed=-1: expected a whole number from 0 on"):
+        no.virtual_phone(seed=-1)
+    with pytest.raises(ValueError, match="runs=-2: expected a whole number from 0 on"):
+        no.montecarlo(runs=-2)
 
 
 def test_a_campaign_ends_at_ctrl_c() -> None:

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Union
 
+import numpy as np
+
 from ._types import Floats, Integers
 
 Path = Union[str, "os.PathLike[str]"]
@@ -66,6 +68,14 @@ class AskedNavigation:
     outages: list[str] = field(default_factory=list)
     without: list[str] = field(default_factory=list)
     score_from_s: float | None = None
+
+
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """A number that counts, from ``least`` on."""
+    is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not is_whole or not least <= int(value) < 2**63:
+        raise ValueError(f"{name}={value!r}: expected a whole number from {least} on")
+    return int(value)
 
 
 def settings(parameters: Mapping[str, Parameter]) -> list[str]:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from . import _northing
-from ._asked import Path
+from ._asked import Path, whole
 from ._recordings import Recording, open
 from ._tables import Table
 from ._types import Floats, Integers
@@ -24,6 +24,10 @@ class _Asked:
     seed: int | None = None
     navigation: str | None = None
     trackers: list[str] = field(default_factory=list)
+
+
+def _seed(seed: int | None) -> int | None:
+    return None if seed is None else whole("seed", seed)
 
 
 class SimulatedRun(Table):
@@ -62,8 +66,8 @@ def simulate(
     ``scenario`` is a file (.toml) or ``"wilthil-brekke"``, which comes with the module; ``navigation`` is ``error-state`` or
     ``gnss-ins``; ``trackers`` are names (default: those of the scenario, or all).
     """
-    asked = _Asked(scenario, variant, seed, navigation, list(trackers))
-    return SimulatedRun(*_northing.simulate(asked, run))
+    asked = _Asked(scenario, variant, _seed(seed), navigation, list(trackers))
+    return SimulatedRun(*_northing.simulate(asked, whole("run", run)))
 
 
 class Campaign:
@@ -120,8 +124,9 @@ def montecarlo(
     """Many runs of a tracking scenario on all processors, as ``northing montecarlo``; ``shard=(3, 16)`` is the third of sixteen
     parts. The result depends on scenario, seed and number of runs alone, to the last digit, however it is split."""
     part = shard if shard is None or isinstance(shard, str) else f"{shard[0]}/{shard[1]}"
-    asked = _Asked(scenario, variant, seed, navigation, list(trackers))
-    return Campaign(_northing.montecarlo(asked, runs, part, threads))
+    asked = _Asked(scenario, variant, _seed(seed), navigation, list(trackers))
+    counts = [None if count is None else whole(name, count) for name, count in (("runs", runs), ("threads", threads))]
+    return Campaign(_northing.montecarlo(asked, counts[0], part, counts[1]))
 
 
 class VirtualRecording(Mapping[str, "Floats | Integers"]):
@@ -171,7 +176,7 @@ def virtual_phone(
     east-north-up), and stamps of each, ``gyr_time_ns`` and so on. ``motion`` is gentle, brisk, tumble or rest,
     ``disturbance`` none, acceleration, magnetic or both.
     """
-    return VirtualRecording(_northing.VirtualRecording.phone(seed, duration, motion, disturbance))
+    return VirtualRecording(_northing.VirtualRecording.phone(whole("seed", seed), duration, motion, disturbance))
 
 
 def virtual_vehicle(
@@ -185,4 +190,4 @@ def virtual_vehicle(
     is car-smooth, car-rough, car-parking, car-phone, bicycle, drone-sideways, drone-hovering, ship or pedestrian. With
     ``faults`` it is a random world as it comes: outliers, outages, latency, a lever arm and more, that nobody tells the filter.
     """
-    return VirtualRecording(_northing.VirtualRecording.vehicle(kind, seed, duration, faults))
+    return VirtualRecording(_northing.VirtualRecording.vehicle(kind, whole("seed", seed), duration, faults))
