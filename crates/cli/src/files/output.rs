@@ -93,9 +93,9 @@ fn gather_files(value: &toml::Value, folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Refuses an output whose ending is that of another format.
+/// Refuses an output whose ending, if it has one, is that of another format.
 pub(crate) fn check_ending(output: &Path, ending: &str, what: &str) -> Result<()> {
-    if !has_extension(output, ending) {
+    if output.extension().is_some() && !has_extension(output, ending) {
         bail!(
             "{}: {what}; name a file that ends in .{ending}",
             output.display()

@@ -216,6 +216,8 @@ fn quantile_95(count: f64) -> f64 {
             let x = NORMAL;
             x + (x.powi(3) + x) / (4.0 * n)
                 + (5.0 * x.powi(5) + 16.0 * x.powi(3) + 3.0 * x) / (96.0 * n * n)
+                + (3.0 * x.powi(7) + 19.0 * x.powi(5) + 17.0 * x.powi(3) - 15.0 * x)
+                    / (384.0 * n.powi(3))
         }
     }
 }

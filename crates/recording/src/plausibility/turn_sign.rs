@@ -75,6 +75,8 @@ impl TurnSign {
     /// A turn of gravity that counts, rad, and the longest time for it.
     const TURN: f64 = 0.8;
     const LONGEST_NS: i64 = 2_000_000_000;
+    /// Gravity must have moved by this, rad: where it stays, axes that make all of it a turn about the vertical fit whatever is wrong.
+    const MOVED: f64 = 0.4;
     const PAUSE_NS: i64 = 100_000_000;
     /// Turns that are needed, error of the wrong hypothesis at least and of the right one at most, rad.
     const TURNS: u32 = 6;
@@ -131,12 +133,8 @@ impl TurnSign {
             if window.start.dot(&window.expected) > Self::TURN.cos() {
                 return Ok(());
             }
-            self.turns += 1;
-            self.errors.resize(48, 0.0);
-            for (error, axes) in self.errors.iter_mut().zip(Axes::all()) {
-                let along = |at: Vector3<f64>, turn: &Vector3<f64>| turned(&at, &axes.of(turn));
-                let expected = self.path.iter().fold(window.start, along);
-                *error += seen.angle(&expected).powi(2);
+            if window.start.angle(&seen) > Self::MOVED {
+                self.compare(&window, &seen);
             }
         }
         self.path.clear();
@@ -147,6 +145,17 @@ impl TurnSign {
             expected: seen,
         });
         self.judge()
+    }
+
+    /// Where gravity should be by each hypothesis, and where it is.
+    fn compare(&mut self, window: &Window, seen: &Vector3<f64>) {
+        self.turns += 1;
+        self.errors.resize(48, 0.0);
+        for (error, axes) in self.errors.iter_mut().zip(Axes::all()) {
+            let along = |at: Vector3<f64>, turn: &Vector3<f64>| turned(&at, &axes.of(turn));
+            let expected = self.path.iter().fold(window.start, along);
+            *error += seen.angle(&expected).powi(2);
+        }
     }
 
     fn judge(&mut self) -> Verdict {

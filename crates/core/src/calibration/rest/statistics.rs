@@ -174,15 +174,15 @@ impl<T: Scalar> Statistics<T> {
     }
 
     /// Standard deviation of the mean: that of noise, averaged, that of rounding, which is not, and that of a bias that
-    /// wanders, which is not either (M21b).
+    /// drifts, which is not either (M21b).
     pub(super) fn mean_std(&self) -> Vector3<T> {
         let samples = lit::<T>(f64::from(self.count.max(1)));
         let covariance = self.sample_covariance();
         let rounding = self.mean_rounding_std();
-        let wandering = self.blocks.wandering(&covariance.diagonal());
+        let drift_variance = self.blocks.drift_variance(&covariance.diagonal());
         Vector3::from_fn(|axis, _| {
             let hidden = rounding[axis] * rounding[axis];
-            (covariance[(axis, axis)] / samples + hidden + wandering[axis]).sqrt()
+            (covariance[(axis, axis)] / samples + hidden + drift_variance[axis]).sqrt()
         })
     }
 
@@ -253,7 +253,7 @@ impl<T: Scalar> Blocks<T> {
 
     /// Variance of the means of blocks beyond what the variance of a sample explains, where that is no chance: the mean of all
     /// is the bias of no moment then, and no number of samples makes it that.
-    fn wandering(&self, of_a_sample: &Vector3<T>) -> Vector3<T> {
+    fn drift_variance(&self, of_a_sample: &Vector3<T>) -> Vector3<T> {
         // The 99.9 % bound of chi-square, by degrees of freedom: of three to seven there are blocks.
         const BOUNDS: [f64; 5] = [16.27, 18.47, 20.52, 22.46, 24.32];
         let sums = self.sums.get(..self.full).unwrap_or_default();
@@ -321,9 +321,9 @@ mod tests {
         statistics
     }
 
-    /// White noise alone adds nothing; a bias that walks is known as well as it wanders, not as its noise averages.
+    /// White noise alone adds nothing; a bias that walks is known as well as it drifts, not as its noise averages.
     #[test]
-    fn a_bias_that_wanders_is_known_no_better_than_that() {
+    fn a_bias_that_drifts_is_known_no_better_than_that() {
         let (mut off, mut wider) = (0.0, 0);
         for seed in 0..40 {
             let mut rng = Pcg64::seed_from_u64(seed);

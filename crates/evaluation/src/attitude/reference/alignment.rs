@@ -208,16 +208,19 @@ fn other_reading(series: &Series<'_>, offset_s: f64, correlation: f64) -> Refere
         let windows: Vec<Window> = series.windows.iter().map(|w| reading.of(w)).collect();
         let again = series.with(&windows);
         let found = Fit::start(&again, offset_s).and_then(|fit| fit.refined(&again))?;
-        Some((reading, found.correlation))
+        (found.correlation > SURE_CORRELATION).then_some((reading, found))
     };
-    let best = Reading::ALL.into_iter().filter_map(read);
-    match best.max_by(|(_, a), (_, b)| a.total_cmp(b)) {
-        Some((reading, reread)) if reread > SURE_CORRELATION => ReferenceProblem::OtherReading {
+    // An inverse in another order is the attitude between two constant rotations, so that more than one reading fits: the one with the
+    // smaller rotation is it.
+    let fitting = Reading::ALL.into_iter().filter_map(read);
+    let angle = |found: &ReferenceAlignment| found.misalignment_angle_deg();
+    match fitting.min_by(|(_, a), (_, b)| angle(a).total_cmp(&angle(b))) {
+        Some((reading, found)) => ReferenceProblem::OtherReading {
             reading,
             correlation,
-            reread,
+            reread: found.correlation,
         },
-        _ => ReferenceProblem::OtherMotion { correlation },
+        None => ReferenceProblem::OtherMotion { correlation },
     }
 }
 

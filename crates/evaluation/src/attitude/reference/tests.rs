@@ -194,18 +194,17 @@ fn a_reference_of_another_recording_is_refused_with_the_correlation() {
     }
 }
 
-/// x, y, z, w taken for w, x, y, z, the reverse, and the inverse: each is named, and not another recording's.
+/// x, y, z, w taken for w, x, y, z, the reverse, and the inverse: each is named, and not another recording's. Two of them together are the
+/// attitude between two constant rotations, which is a mounting.
 #[test]
 fn a_quaternion_read_the_wrong_way_is_told_from_another_recording() {
     type Read = fn(UnitQuaternion<f64>) -> UnitQuaternion<f64>;
     let rolled: Read = |q| UnitQuaternion::from_quaternion(Quaternion::new(q.i, q.j, q.k, q.w));
     let back: Read = |q| UnitQuaternion::from_quaternion(Quaternion::new(q.k, q.w, q.i, q.j));
-    let both: Read = |q| UnitQuaternion::from_quaternion(Quaternion::new(-q.i, -q.j, -q.k, q.w));
-    let cases: [(Read, Order, bool); 4] = [
+    let cases: [(Read, Order, bool); 3] = [
         (|q| q.inverse(), Order::AsRead, true),
         (rolled, Order::ScalarLast, false),
         (back, Order::ScalarFirst, false),
-        (both, Order::ScalarLast, true),
     ];
     for seed in 1..=4 {
         for (read, order, is_inverse) in cases {

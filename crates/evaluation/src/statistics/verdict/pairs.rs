@@ -177,13 +177,17 @@ pub struct Turning {
     /// Stamp of the gyroscope's own last sample, and of the first that had its rate.
     sampled_ns: i64,
     same_since_ns: i64,
+    /// Usual interval of the gyroscope, s.
+    interval_s: f64,
     since: Turn,
     /// Samples were missing since.
     broken: bool,
 }
 
-/// Longer without a sample, or with one that repeats itself while the body turns, nobody knows the turn, s.
+/// Longer without a sample, or with one that repeats itself while the body turns, nobody knows the turn, s; of a slow gyroscope longer than
+/// so many usual intervals.
 const BREAK_S: f64 = 0.1;
+const BREAK_INTERVALS: f64 = 3.0;
 /// A rate beyond this (rad/s) is never the same twice; a slower one may be, of a sensor with coarse values.
 const TURNING_RAD_S: f64 = 0.1;
 
@@ -197,7 +201,8 @@ impl Turning {
                 self.same_since_ns = time_ns;
             }
             self.broken |=
-                is_long(self.sampled_ns, time_ns) || is_long(self.same_since_ns, time_ns);
+                self.is_long(self.sampled_ns, time_ns) || self.is_long(self.same_since_ns, time_ns);
+            self.learn_interval(time_ns);
         } else {
             self.same_since_ns = time_ns;
         }
@@ -210,7 +215,7 @@ impl Turning {
     pub fn until(&mut self, time_ns: i64) -> Option<Turn> {
         let (last_ns, last) = self.last?;
         // Of when the gyroscope spoke last, however often the others have since.
-        self.broken |= is_long(self.sampled_ns, time_ns);
+        self.broken |= self.is_long(self.sampled_ns, time_ns);
         self.go_on(last_ns, time_ns, &last);
         self.last = Some((last_ns.max(time_ns), last));
         let turn = core::mem::take(&mut self.since);
@@ -223,16 +228,27 @@ impl Turning {
         self.last.map_or(0.0, |(_, rate)| rate.norm())
     }
 
+    fn is_long(&self, from_ns: i64, to_ns: i64) -> bool {
+        let dt = to_ns.saturating_sub(from_ns) as f64 * 1e-9;
+        dt > BREAK_S.max(BREAK_INTERVALS * self.interval_s)
+    }
+
+    fn learn_interval(&mut self, time_ns: i64) {
+        let dt = time_ns.saturating_sub(self.sampled_ns) as f64 * 1e-9;
+        if self.interval_s > 0.0 {
+            // A hole counts as two intervals: a rate that changes is learnt all the same.
+            self.interval_s += (dt.clamp(0.0, 2.0 * self.interval_s) - self.interval_s) / 16.0;
+        } else {
+            self.interval_s = dt.clamp(0.0, BREAK_S * 2.0);
+        }
+    }
+
     fn go_on(&mut self, from_ns: i64, to_ns: i64, rate: &Vector3<f64>) {
         let dt = to_ns.saturating_sub(from_ns) as f64 * 1e-9;
         if dt > 0.0 {
             self.since = self.since.then(&Turn::at(rate, dt));
         }
     }
-}
-
-fn is_long(from_ns: i64, to_ns: i64) -> bool {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9 > BREAK_S
 }
 
 #[cfg(test)]
@@ -267,7 +283,25 @@ mod turning_tests {
                 "{unknown:?}"
             );
             assert!(unknown.len() >= 40, "{unknown:?}");
-            assert!(!known[101].1 || is_frozen, "the first behind the hole");
+            assert!(!known[100].1 || is_frozen, "the first behind the hole");
         }
+    }
+
+    /// A gyroscope of five a second beside a magnetometer of fifty has no holes.
+    #[test]
+    fn a_slow_gyroscope_is_no_hole() {
+        let mut turning = Turning::default();
+        let mut unknown = 0;
+        for k in 0..500_i64 {
+            if k % 10 == 0 {
+                turning.rate(
+                    k * 20 * MS,
+                    &(Vector3::z() * (0.5 + 0.001 * k as f64)),
+                    false,
+                );
+            }
+            unknown += i32::from(turning.until(k * 20 * MS + MS).is_none());
+        }
+        assert!(unknown <= 10, "{unknown}");
     }
 }
