@@ -1,13 +1,14 @@
 //! Navigation over arrays: inertial samples and fixes as the events of a recording, so that they pass the checks that every file passes.
 
 use nalgebra::Vector3;
-use northing_recording::{Event, GnssPosition, GnssVelocity, Metadata, Sample, SensorKind};
+use northing_recording::{Event, GnssPosition, GnssVelocity, Sample, SensorKind, WorldFrame};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::attitude::Reading;
 use crate::navigation_run::{NavigationRun, Source};
 use crate::recordings::AskedNavigation;
+use crate::samples;
 
 /// Stamps in ns, and rows.
 type Samples<'py> = (PyReadonlyArray1<'py, i64>, PyReadonlyArray2<'py, f64>);
@@ -39,7 +40,8 @@ pub(crate) fn navigation(
     reading: Reading,
 ) -> PyResult<NavigationRun> {
     let reading = reading.options()?;
-    let options = asked.options(estimator, smooth, &settings, &Metadata::default())?;
+    let metadata = samples::metadata(WorldFrame::Ned);
+    let options = asked.options(estimator, smooth, &settings, &metadata)?;
     let (events, sensors) = measured.events();
     NavigationRun::new(py, Source::Arrays(events.into(), sensors), reading, options)
 }

@@ -13,7 +13,7 @@ use northing_evaluation::navigation::{
 };
 use northing_recording::atomic_file::write_whole;
 use northing_recording::device_navigation::validity_word;
-use northing_recording::{Event, Metadata, OpenOptions, Recording, SensorKind};
+use northing_recording::{Event, OpenOptions, Recording, SensorKind, WorldFrame};
 use northing_report::{NavigationReport, TRACE_CAPACITY};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -93,11 +93,7 @@ impl Source {
             Self::Arrays(events, sensors) => {
                 let events = Arc::clone(events);
                 let count = events.len();
-                let metadata = Metadata {
-                    name: samples::NAME.to_owned(),
-                    format: samples::NAME.to_owned(),
-                    ..Metadata::default()
-                };
+                let metadata = samples::metadata(WorldFrame::Ned);
                 let events = (0..count).map(move |at| Ok(events[at]));
                 let recording = Recording::from_events(metadata, sensors, events, reading);
                 Ok((recording, samples::NAME.to_owned()))

@@ -17,6 +17,16 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 /// What stands for arrays where a recording has its name.
 pub(crate) const NAME: &str = "arrays";
 
+/// What is known of arrays as a recording.
+pub(crate) fn metadata(world_frame: WorldFrame) -> Metadata {
+    Metadata {
+        name: NAME.to_owned(),
+        format: NAME.to_owned(),
+        world_frame,
+        ..Metadata::default()
+    }
+}
+
 /// The samples of one sensor: stamps in ns and vectors.
 pub(crate) struct Stream {
     time_ns: Arc<[i64]>,
@@ -240,12 +250,7 @@ impl Arrays {
             sensors.push(SensorKind::Magnetometer);
             sources.push(Source::new(Sample::MagneticField, stream));
         }
-        let metadata = Metadata {
-            name: NAME.to_owned(),
-            format: NAME.to_owned(),
-            world_frame: self.world_frame,
-            ..Metadata::default()
-        };
+        let metadata = metadata(self.world_frame);
         Recording::from_events(metadata, &sensors, Merged(sources), &self.options)
     }
 }

@@ -40,8 +40,8 @@ def navigation(
 ) -> Track:
     """Where a vehicle is and which way it points, from its inertial unit and a satellite receiver.
 
-    ``gyr`` (rad/s), ``acc`` (specific force, m/s^2) and their time are those of :func:`northing.attitude`; body axes are any,
-    or forward, right, down where a parameter says that it is a car. ``gnss`` are fixes of the receiver: latitude and longitude in
+    ``gyr`` (rad/s), ``acc`` (specific force, m/s^2) and their time are those of :func:`northing.attitude`; body axes are forward,
+    right, down, or any others: then the attitude is that of the axes that the unit has. ``gnss`` are fixes of the receiver: latitude and longitude in
     degrees, height above the ellipsoid in m (NaN where there is none), (M, 3), taken at ``gnss_t`` of the same clock;
     ``gnss_std`` their standard deviations north, east and down in m as the receiver states them: a number, three, or (M, 3),
     NaN where none is stated. ``velocity`` is the receiver's, north, east and down in m/s, with stamps (``gnss_t`` where it has as

@@ -162,7 +162,11 @@ impl TurnSign {
         let turns = f64::from(self.turns);
         let rms = self.errors.iter().map(|error| (error / turns).sqrt());
         let all: Vec<(f64, Axes)> = rms.zip(Axes::all()).collect();
-        let best = all.iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        // Of turns about one axis several fit: all signs reversed is the likeliest mistake.
+        let reversed = all
+            .iter()
+            .find(|(rms, axes)| *axes == Axes::REVERSED && *rms <= Self::RIGHT);
+        let best = reversed.or_else(|| all.iter().min_by(|(a, _), (b, _)| a.total_cmp(b)));
         let (Some((as_is, _)), Some((least, axes))) = (all.first(), best) else {
             return Ok(());
         };
