@@ -227,7 +227,9 @@ impl Pieces for DelimitedSource {
             }
             _ => 0,
         };
-        if lost_ns > 0 && matches!(self.layout.time_form, TimeForm::Decimal(_)) {
+        // Told once: a table may start again in every other row.
+        let is_first = lost_ns > 0 && self.carried_ns == 0;
+        if is_first && matches!(self.layout.time_form, TimeForm::Decimal(_)) {
             issues.notes.push(started_again(cells.line, lost_ns));
         }
         self.carried_ns = self.carried_ns.saturating_add(lost_ns);

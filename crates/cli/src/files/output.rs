@@ -52,10 +52,10 @@ pub(crate) fn check_not_input(output: &Path, input: &Path, data: Option<&Path>) 
         bail!(
             "{}: it is {} being read; name another file to write",
             output.display(),
-            if is_part {
-                "a file of the recording"
-            } else {
-                "the recording"
+            match (is_part, input.is_dir()) {
+                (true, true) => "in the folder",
+                (true, false) => "a file of the recording",
+                _ => "the recording",
             }
         );
     }

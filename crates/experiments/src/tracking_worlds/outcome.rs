@@ -2,6 +2,7 @@
 
 use northing_simulation::tracking_world::{SceneClass, SceneDescription};
 use serde::Serialize;
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 use super::run::{SceneOutcome, TrackerScore};
 use crate::scoring::median;
@@ -203,23 +204,9 @@ impl Interval {
     }
 }
 
-/// Half the width of the 95 % interval of a mean of so many numbers, in its standard deviations: Student's t, whose quantile
-/// this series has to 1 % from three degrees of freedom on (Abramowitz and Stegun 26.7.5). One number has no interval.
+/// Half the width of the 95 % interval of a mean of so many numbers, in its standard deviations: Student's t. One number has no interval.
 fn quantile_95(count: f64) -> f64 {
-    const NORMAL: f64 = 1.959_964;
-    let n = count - 1.0;
-    match n {
-        n if n < 1.0 => f64::NAN,
-        n if n < 2.0 => 12.706,
-        n if n < 3.0 => 4.303,
-        n => {
-            let x = NORMAL;
-            x + (x.powi(3) + x) / (4.0 * n)
-                + (5.0 * x.powi(5) + 16.0 * x.powi(3) + 3.0 * x) / (96.0 * n * n)
-                + (3.0 * x.powi(7) + 19.0 * x.powi(5) + 17.0 * x.powi(3) - 15.0 * x)
-                    / (384.0 * n.powi(3))
-        }
-    }
+    StudentsT::new(0.0, 1.0, count - 1.0).map_or(f64::NAN, |t| t.inverse_cdf(0.975))
 }
 
 #[cfg(test)]

@@ -146,7 +146,7 @@ impl Session<'_> {
         }
         if position.is_none() && self.scorer.too_early() > 0 {
             issues.push(format!(
-                "{} points could be scored, all in the first {:.0} s after the first fix: --score-from 0 counts all of them.",
+                "{} points could be scored, all in the first {:.0} s after the first fix: --score-from 0 counts from the first fix on.",
                 self.scorer.too_early(),
                 self.options.score_from_s
             ));

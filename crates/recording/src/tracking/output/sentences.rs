@@ -64,11 +64,12 @@ impl Sentences {
         self.own_velocity = self.fitted_velocity(now_ns);
     }
 
-    /// The slope of a straight line through the places by least squares. A ship that is seen nowhere else for longer stands.
+    /// The slope of a straight line through the places by least squares. What was seen at one place only, for longer, stands; of a ship that
+    /// was not seen for longer nothing is known.
     fn fitted_velocity(&self, now_ns: i64) -> Option<[f64; 2]> {
         let (last_ns, _) = self.seen.back()?;
         if now_ns - last_ns > VELOCITY_OVER_NS {
-            return Some([0.0; 2]);
+            return (self.seen.len() == 1).then_some([0.0; 2]);
         }
         let count = self.seen.len() as f64;
         let time = |ns: i64| (ns - last_ns) as f64 * 1e-9;
