@@ -58,6 +58,7 @@ mod recording;
 mod rtklib;
 mod sensor_logger;
 pub mod shortest;
+mod signed_axes;
 mod stamp;
 pub mod text;
 pub mod timeline;

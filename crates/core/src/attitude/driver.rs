@@ -26,11 +26,13 @@
 //! - Without a magnetometer the heading of the start is arbitrary: the first compass heading turns
 //!   the estimate to its north, those after it are measurements.
 
+mod checks;
 mod holes;
+mod realignment;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use self::holes::Checks;
+use self::checks::Checks;
 use super::alignment::{Alignment, Prior};
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};

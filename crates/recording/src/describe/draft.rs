@@ -8,12 +8,13 @@ use super::names::{self, Group, Quantity};
 use super::orientation::Writing;
 use super::table::Table;
 use super::time::{Time, rate_of_rows};
-use super::turns::{AS_THEY_ARE, Series, Turns, median};
+use super::turns::{Series, Turns, median};
 use super::vectors::{self, Vector};
 use super::{Confidence, Found, Guess, Section, navigation, text};
 use crate::error::{RecordingError, Result, join, shown};
 use crate::open::{open_data_file, stem};
 use crate::options::OpenOptions;
+use crate::signed_axes::SignedAxes;
 
 /// A draft of a manifest.
 #[derive(Debug, Clone, Serialize)]
@@ -140,8 +141,8 @@ impl Described {
         if let Some(scale) = vector.scale {
             lines.push(format!("scale = {scale:?}"));
         }
-        if vector.axes != AS_THEY_ARE {
-            lines.push(format!("axes = \"{}\"", text::axes(&vector.axes)));
+        if vector.axes != SignedAxes::AS_THEY_ARE {
+            lines.push(format!("axes = \"{}\"", vector.axes));
         }
         self.sections.push(Section {
             key,
@@ -414,7 +415,8 @@ impl Described {
                 .collect(),
         };
         let fits = candidates.into_iter().filter_map(|group| {
-            let fit = Turns::of(&self.series(&group.columns), &forces).fit(&AS_THEY_ARE)?;
+            let fit =
+                Turns::of(&self.series(&group.columns), &forces).fit(SignedAxes::AS_THEY_ARE)?;
             fit.tells().then_some((group, fit))
         });
         let (group, fit) = fits.max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use super::draft::Described;
 use super::table::Table;
-use super::turns::Axes;
 use crate::error::shown;
 
 impl Table {
@@ -32,15 +31,6 @@ impl Table {
             .map(|place| self.shown(place))
             .collect()
     }
-}
-
-/// `x,-y,z`.
-pub(super) fn axes(axes: &Axes) -> String {
-    let axis = |(axis, sign): &(usize, f64)| {
-        let minus = if *sign < 0.0 { "-" } else { "" };
-        format!("{minus}{}", ["x", "y", "z"][*axis])
-    };
-    axes.iter().map(axis).collect::<Vec<_>>().join(",")
 }
 
 /// The manifest.

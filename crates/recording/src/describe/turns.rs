@@ -8,6 +8,8 @@
 
 use nalgebra::Vector3;
 
+use crate::signed_axes::SignedAxes;
+
 /// A vector sensor's numbers: time and value.
 pub(super) type Series = Vec<(f64, Vector3<f64>)>;
 
@@ -44,12 +46,6 @@ impl Fit {
         self.factor.is_finite() && self.factor.abs() > 10.0 * self.std && self.correlation > 0.2
     }
 }
-
-/// Which axis of the file each axis of the body is, and its sign.
-pub(super) type Axes = [(usize, f64); 3];
-
-/// The axes as they stand in the file.
-pub(super) const AS_THEY_ARE: Axes = [(0, 1.0), (1, 1.0), (2, 1.0)];
 
 /// The turns of a recording.
 pub(super) struct Turns {
@@ -95,15 +91,13 @@ impl Turns {
     }
 
     /// The fit with the gyroscope's axes put so.
-    pub(super) fn fit(&self, axes: &Axes) -> Option<Fit> {
+    pub(super) fn fit(&self, axes: SignedAxes) -> Option<Fit> {
         if self.steps.len() < LEAST_STEPS {
             return None;
         }
         let (mut said2, mut seen2, mut both) = (0.0, 0.0, 0.0);
         for step in &self.steps {
-            let rate =
-                Vector3::from_iterator(axes.iter().map(|(axis, sign)| sign * step.rate[*axis]));
-            let said = -rate.cross(&step.force) * step.time;
+            let said = -axes.of(&step.rate).cross(&step.force) * step.time;
             said2 += said.norm_squared();
             seen2 += step.change.norm_squared();
             both += said.dot(&step.change);
@@ -118,7 +112,7 @@ impl Turns {
     }
 
     /// The axes that fit best of all 48, if none other fits nearly as well.
-    pub(super) fn best_axes(&self) -> Option<(Axes, Fit)> {
+    pub(super) fn best_axes(&self) -> Option<(SignedAxes, Fit)> {
         let mut fits = self.fits();
         fits.sort_by(|(_, a), (_, b)| b.correlation.total_cmp(&a.correlation));
         let (best, next) = (*fits.first()?, fits.get(1)?.1);
@@ -126,24 +120,9 @@ impl Turns {
     }
 
     /// The fits with all axes.
-    fn fits(&self) -> Vec<(Axes, Fit)> {
-        const ORDERS: [[usize; 3]; 6] = [
-            [0, 1, 2],
-            [0, 2, 1],
-            [1, 0, 2],
-            [1, 2, 0],
-            [2, 0, 1],
-            [2, 1, 0],
-        ];
-        let mut fits = Vec::with_capacity(48);
-        for order in ORDERS {
-            for signs in 0..8 {
-                let sign = |bit: usize| if signs >> bit & 1 == 0 { 1.0 } else { -1.0 };
-                let axes = [0, 1, 2].map(|axis| (order[axis], sign(axis)));
-                fits.extend(self.fit(&axes).map(|fit| (axes, fit)));
-            }
-        }
-        fits
+    fn fits(&self) -> Vec<(SignedAxes, Fit)> {
+        let fit = |axes: SignedAxes| self.fit(axes).map(|fit| (axes, fit));
+        SignedAxes::all().filter_map(fit).collect()
     }
 }
 
@@ -218,17 +197,21 @@ mod tests {
     #[test]
     fn radians_degrees_and_rows_are_told_apart() {
         let (rates, forces) = made(60.0, 0.8);
-        let fit = Turns::of(&rates, &forces).fit(&AS_THEY_ARE).unwrap();
+        let fit = Turns::of(&rates, &forces)
+            .fit(SignedAxes::AS_THEY_ARE)
+            .unwrap();
         assert!(fit.tells() && (fit.factor - 1.0).abs() < 0.03, "{fit:?}");
         let degrees = turned(&rates, |v| v * 180.0 / std::f64::consts::PI);
-        let fit = Turns::of(&degrees, &forces).fit(&AS_THEY_ARE).unwrap();
+        let fit = Turns::of(&degrees, &forces)
+            .fit(SignedAxes::AS_THEY_ARE)
+            .unwrap();
         assert!((fit.factor * 57.3 - 1.0).abs() < 0.03, "{fit:?}");
         let rows = |series: &Series| -> Series {
             let counted = series.iter().enumerate();
             counted.map(|(k, (_, v))| (k as f64, *v)).collect()
         };
         let fit = Turns::of(&rows(&rates), &rows(&forces))
-            .fit(&AS_THEY_ARE)
+            .fit(SignedAxes::AS_THEY_ARE)
             .unwrap();
         assert!((fit.factor * 100.0 - 1.0).abs() < 0.03, "{fit:?}");
     }
@@ -238,17 +221,21 @@ mod tests {
         let (rates, forces) = made(60.0, 0.8);
         let other = turned(&rates, |v| Vector3::new(v.y, v.x, -v.z));
         let (axes, fit) = Turns::of(&other, &forces).best_axes().unwrap();
-        assert_eq!(axes, [(1, 1.0), (0, 1.0), (2, -1.0)]);
+        assert_eq!(axes.to_string(), "y,x,-z");
         assert!(fit.tells());
         let (axes, _) = Turns::of(&rates, &forces).best_axes().unwrap();
-        assert_eq!(axes, AS_THEY_ARE);
+        assert_eq!(axes, SignedAxes::AS_THEY_ARE);
     }
 
     #[test]
     fn at_rest_nothing_is_told() {
         let (rates, forces) = made(60.0, 0.0);
-        let fit = Turns::of(&rates, &forces).fit(&AS_THEY_ARE);
+        let fit = Turns::of(&rates, &forces).fit(SignedAxes::AS_THEY_ARE);
         assert!(!fit.unwrap().tells());
-        assert!(Turns::of(&rates, &Vec::new()).fit(&AS_THEY_ARE).is_none());
+        assert!(
+            Turns::of(&rates, &Vec::new())
+                .fit(SignedAxes::AS_THEY_ARE)
+                .is_none()
+        );
     }
 }

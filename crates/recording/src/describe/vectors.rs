@@ -4,9 +4,10 @@ use nalgebra::Vector3;
 
 use super::names::{Group, Quantity};
 use super::table::Table;
-use super::turns::{AS_THEY_ARE, Axes, Fit, Series, Turns, median};
+use super::turns::{Fit, Series, Turns, median};
 use super::{Confidence, Found};
 use crate::options::RateUnit;
+use crate::signed_axes::SignedAxes;
 
 /// A vector sensor that was found.
 #[derive(Debug, Clone)]
@@ -14,7 +15,7 @@ pub(super) struct Vector {
     pub(super) columns: Vec<usize>,
     pub(super) unit: &'static str,
     pub(super) scale: Option<f64>,
-    pub(super) axes: Axes,
+    pub(super) axes: SignedAxes,
     /// How badly the numbers fit: of sensors without names the best one is taken.
     pub(super) misfit: f64,
     pub(super) found: Found,
@@ -105,7 +106,7 @@ fn of_length(group: &Group, lengths: &Lengths, series: &Series, what: &str) -> O
         columns: group.columns.clone(),
         unit,
         scale,
-        axes: AS_THEY_ARE,
+        axes: SignedAxes::AS_THEY_ARE,
         misfit: spread,
         found: Found::new(why, confidence),
     })
@@ -145,7 +146,7 @@ pub(super) fn accelerometer(group: &Group, series: &Series) -> Option<Vector> {
         columns: group.columns.clone(),
         unit: "g",
         scale: Some(1.0 / usual.unwrap_or(middle)),
-        axes: AS_THEY_ARE,
+        axes: SignedAxes::AS_THEY_ARE,
         misfit: spread,
         found: Found::new(why, Confidence::Assumed),
     })
@@ -159,18 +160,20 @@ pub(super) fn magnetometer(group: &Group, series: &Series) -> Option<Vector> {
 /// The gyroscope: what the header says, and how it fits the turns of gravity.
 pub(super) fn gyroscope(group: &Group, rates: &Series, forces: Option<&Series>) -> Vector {
     let turns = forces.map(|forces| Turns::of(rates, forces));
-    let plain = turns.as_ref().and_then(|turns| turns.fit(&AS_THEY_ARE));
+    let plain = turns
+        .as_ref()
+        .and_then(|turns| turns.fit(SignedAxes::AS_THEY_ARE));
     let best = turns.as_ref().and_then(Turns::best_axes);
     // Axes are doubted only where others fit far better.
     let (axes, fit) = match (plain, best) {
         (Some(plain), Some((axes, fit)))
-            if axes != AS_THEY_ARE
+            if axes != SignedAxes::AS_THEY_ARE
                 && fit.correlation > 0.5
                 && plain.correlation < 0.5 * fit.correlation =>
         {
             (axes, Some(fit))
         }
-        (plain, _) => (AS_THEY_ARE, plain),
+        (plain, _) => (SignedAxes::AS_THEY_ARE, plain),
     };
     let fit = fit.filter(Fit::tells);
     let (unit, scale, mut found) = match fit.and_then(|fit| counts(group, rates, fit)) {
@@ -180,7 +183,7 @@ pub(super) fn gyroscope(group: &Group, rates: &Series, forces: Option<&Series>) 
             (unit, None, found)
         }
     };
-    if axes != AS_THEY_ARE {
+    if axes != SignedAxes::AS_THEY_ARE {
         found.confidence = Confidence::Likely;
         found.why = format!(
             "{}; as the axes stand they do not fit the accelerometer's",

@@ -10,6 +10,7 @@ use crate::delimited::{Channel, Form, Layout, RowsOf, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::options::{FieldUnit, ForceUnit, OpenOptions, RateUnit};
+use crate::signed_axes::SignedAxes;
 
 /// Finds the manifest's columns in the file.
 pub(super) struct LayoutBuilder<'a> {
@@ -204,17 +205,16 @@ impl LayoutBuilder<'_> {
             )));
         }
         let axes = match &vector.axes {
-            Some(text) => parse_axes(text).ok_or_else(|| {
+            Some(text) => text.parse().map_err(|expected: &str| {
                 self.problem(format!(
-                        "[{}] axes = {text:?}: expected each of x, y, z once, with or without a minus, e.g. \"x,-y,z\"",
-                        kind.name().replace('-', "_")
-                    ),
-                )
+                    "[{}] axes = {text:?}: {expected}",
+                    kind.name().replace('-', "_")
+                ))
             })?,
-            None => [(0, 1.0), (1, 1.0), (2, 1.0)],
+            None => SignedAxes::AS_THEY_ARE,
         };
         let mut channel = Channel::new(kind, &[]);
-        for (body_axis, (file_axis, sign)) in axes.into_iter().enumerate() {
+        for (body_axis, (file_axis, sign)) in axes.by_body_axis().into_iter().enumerate() {
             let column = self.column(&vector.columns[file_axis])?;
             channel.put(body_axis, Some(column), sign * factor * scale);
         }
@@ -251,25 +251,6 @@ fn time_form(unit: TimeUnit) -> TimeForm {
         TimeUnit::DateTime => TimeForm::DateTime,
         TimeUnit::TimeOfDay => TimeForm::TimeOfDay,
     }
-}
-
-/// `x,-y,z`: for each body axis the file's axis and its sign.
-fn parse_axes(text: &str) -> Option<[(usize, f64); 3]> {
-    let mut axes = [(0, 0.0); 3];
-    let mut used = [false; 3];
-    let mut parts = text.split(',');
-    for axis in &mut axes {
-        let part = parts.next()?.trim();
-        let (name, sign) = part
-            .strip_prefix('-')
-            .map_or((part, 1.0), |rest| (rest, -1.0));
-        let place = ["x", "y", "z"].iter().position(|n| *n == name)?;
-        if std::mem::replace(&mut used[place], true) {
-            return None;
-        }
-        *axis = (place, sign);
-    }
-    parts.next().is_none().then_some(axes)
 }
 
 /// Refuses a column that is named twice: one of the two is a slip of the pen. Only the device's own

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use super::{Doubt, Felt, Verdict};
 use crate::event::SensorKind;
+use crate::signed_axes::SignedAxes;
 
 /// Compares turns of gravity with those of the gyroscope.
 #[derive(Debug, Clone, Default)]
@@ -18,7 +19,7 @@ pub(super) struct TurnSign {
     /// Rotation vectors of the window's samples, rad: only of a window that counts are they put together.
     path: Vec<Vector3<f64>>,
     turns: u32,
-    /// Sums of the squared errors of all hypotheses, rad^2, in the order of [`Axes::all`].
+    /// Sums of the squared errors of all hypotheses, rad^2, in the order of [`SignedAxes::all`].
     errors: Vec<f64>,
     windows: u32,
 }
@@ -30,45 +31,6 @@ struct Window {
     start: Vector3<f64>,
     /// Where gravity should be now, if the rates are right.
     expected: Vector3<f64>,
-}
-
-/// Axes in another order and with other signs: of each the column that it is, and its sign.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Axes([(usize, f64); 3]);
-
-impl Axes {
-    /// As they are first, and all of them.
-    fn all() -> impl Iterator<Item = Self> {
-        const ORDERS: [[usize; 3]; 6] = [
-            [0, 1, 2],
-            [0, 2, 1],
-            [1, 0, 2],
-            [1, 2, 0],
-            [2, 0, 1],
-            [2, 1, 0],
-        ];
-        ORDERS.into_iter().flat_map(|order| {
-            (0..8_u8).map(move |signs| {
-                let sign = |axis: usize| if signs >> axis & 1 == 1 { -1.0 } else { 1.0 };
-                Self([0, 1, 2].map(|axis| (order[axis], sign(axis))))
-            })
-        })
-    }
-
-    const REVERSED: Self = Self([(0, -1.0), (1, -1.0), (2, -1.0)]);
-
-    fn of(&self, v: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from(self.0.map(|(column, sign)| sign * v[column]))
-    }
-
-    /// As a manifest has them, `x,-y,z`.
-    fn in_words(&self) -> String {
-        let axis = |(column, sign): (usize, f64)| {
-            let name = ["x", "y", "z"][column];
-            format!("{}{name}", if sign < 0.0 { "-" } else { "" })
-        };
-        self.0.map(axis).join(",")
-    }
 }
 
 impl TurnSign {
@@ -151,7 +113,7 @@ impl TurnSign {
     fn compare(&mut self, window: &Window, seen: &Vector3<f64>) {
         self.turns += 1;
         self.errors.resize(48, 0.0);
-        for (error, axes) in self.errors.iter_mut().zip(Axes::all()) {
+        for (error, axes) in self.errors.iter_mut().zip(SignedAxes::all()) {
             let along = |at: Vector3<f64>, turn: &Vector3<f64>| turned(&at, &axes.of(turn));
             let expected = self.path.iter().fold(window.start, along);
             *error += seen.angle(&expected).powi(2);
@@ -161,11 +123,11 @@ impl TurnSign {
     fn judge(&mut self) -> Verdict {
         let turns = f64::from(self.turns);
         let rms = self.errors.iter().map(|error| (error / turns).sqrt());
-        let all: Vec<(f64, Axes)> = rms.zip(Axes::all()).collect();
+        let all: Vec<(f64, SignedAxes)> = rms.zip(SignedAxes::all()).collect();
         // Of turns about one axis several fit: all signs reversed is the likeliest mistake.
         let reversed = all
             .iter()
-            .find(|(rms, axes)| *axes == Axes::REVERSED && *rms <= Self::RIGHT);
+            .find(|(rms, axes)| *axes == SignedAxes::REVERSED && *rms <= Self::RIGHT);
         let best = reversed.or_else(|| all.iter().min_by(|(a, _), (b, _)| a.total_cmp(b)));
         let (Some((as_is, _)), Some((least, axes))) = (all.first(), best) else {
             return Ok(());
@@ -177,16 +139,15 @@ impl TurnSign {
         // Turns about one axis alone say nothing of the others.
         let others = all.iter().filter(|(rms, _)| *rms < Self::RIGHT).count() - 1;
         let (off, least) = (as_is.to_degrees(), least.to_degrees());
-        let evidence = if *axes == Axes::REVERSED {
+        let evidence = if *axes == SignedAxes::REVERSED {
             format!(
                 "in {turns} turns gravity turns the other way (rms {off:.0} deg off, {least:.0} deg with the opposite signs); its signs \
                  look reversed, or the axes of gyroscope and accelerometer left-handed"
             )
         } else if others == 0 {
             format!(
-                "in {turns} turns gravity does not turn as it says (rms {off:.0} deg off, {least:.0} deg with the axes {} of the \
-                 gyroscope); axes of gyroscope or accelerometer look exchanged, or of the wrong sign",
-                axes.in_words()
+                "in {turns} turns gravity does not turn as it says (rms {off:.0} deg off, {least:.0} deg with the axes {axes} of the \
+                 gyroscope); axes of gyroscope or accelerometer look exchanged, or of the wrong sign"
             )
         } else {
             format!(
