@@ -1,8 +1,9 @@
 /* Northing: attitude, position and velocity from noisy sensors, each with a covariance that is tested for consistency.
  *
  * Link libnorthing_c.a and, on hosts, -lm. Stamps are nanoseconds of one clock, in order. A filter is a structure of yours: nothing
- * is allocated, nothing is freed; an assignment copies and saves it. Every pointer may be null, and a structure of zeros holds no
- * filter. Define NORTHING_FLOAT where the library was built for single precision. */
+ * is allocated, nothing is freed; an assignment copies and saves it. Every pointer may be null (settings: none are set), and a structure
+ * of zeros holds no filter. Define NORTHING_FLOAT where the library was built for single precision: its functions that make filters have
+ * other names, so that nothing links otherwise. */
 
 #ifndef NORTHING_H
 #define NORTHING_H
@@ -15,6 +16,9 @@
 /* The numbers. */
 #ifdef NORTHING_FLOAT
 typedef float northing_real;
+#define northing_mekf_init northing_mekf_init_float
+#define northing_bounded_velocity_init northing_bounded_velocity_init_float
+#define northing_gnss_ins_init northing_gnss_ins_init_float
 #else
 typedef double northing_real;
 #define NORTHING_DOUBLE
@@ -76,8 +80,11 @@ typedef enum {
   NORTHING_OUTCOME_INFLATED = 1,
   // Refused: too far from what was expected.
   NORTHING_OUTCOME_GATED = 2,
-  // Not looked at: not finite, not newer, or the filter is not aligned yet.
+  // Not used: not finite, out of range (so is a standard deviation of 0), not newer, the same numbers again, far from its neighbours,
+  // or there is no filter, or it is not aligned yet.
   NORTHING_OUTCOME_NOT_USED = 3,
+  // Taken: it takes effect with a later sample, and is in that innovation.
+  NORTHING_OUTCOME_GATHERED = 4,
 } northing_outcome;
 
 // What the position is worth.
@@ -146,11 +153,24 @@ typedef struct {
 extern "C" {
 #endif // __cplusplus
 
+#if defined(NORTHING_DOUBLE)
 // Makes a filter that waits for its first samples, with a profile and parameters by name. On an error nothing is made.
 //
 // # Safety
 // `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
 northing_status northing_mekf_init(northing_mekf *filter, int profile, const northing_setting *settings, size_t count);
+#endif
+
+#if !defined(NORTHING_DOUBLE)
+// Makes a filter that waits for its first samples, with a profile and parameters by name. On an error nothing is made.
+//
+// # Safety
+// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+northing_status northing_mekf_init_float(northing_mekf *filter,
+                                         int profile,
+                                         const northing_setting *settings,
+                                         size_t count);
+#endif
 
 // Takes an angular rate, rad/s, body axes.
 //
@@ -188,6 +208,7 @@ northing_status northing_mekf_covariance(const northing_mekf *filter, northing_r
 // `filter` is null or points to a structure; `to` is null or points to three numbers.
 northing_status northing_mekf_gyroscope_bias(const northing_mekf *filter, northing_real *to);
 
+#if defined(NORTHING_DOUBLE)
 // Makes a filter that waits for its first samples, with a profile and parameters by name. On an error nothing is made.
 //
 // # Safety
@@ -196,6 +217,18 @@ northing_status northing_bounded_velocity_init(northing_bounded_velocity *filter
                                                int profile,
                                                const northing_setting *settings,
                                                size_t count);
+#endif
+
+#if !defined(NORTHING_DOUBLE)
+// Makes a filter that waits for its first samples, with a profile and parameters by name. On an error nothing is made.
+//
+// # Safety
+// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+northing_status northing_bounded_velocity_init_float(northing_bounded_velocity *filter,
+                                                     int profile,
+                                                     const northing_setting *settings,
+                                                     size_t count);
+#endif
 
 // Takes an angular rate, rad/s, body axes.
 //
@@ -239,11 +272,21 @@ northing_status northing_bounded_velocity_covariance(const northing_bounded_velo
 // `filter` is null or points to a structure; `to` is null or points to three numbers.
 northing_status northing_bounded_velocity_gyroscope_bias(const northing_bounded_velocity *filter, northing_real *to);
 
+#if defined(NORTHING_DOUBLE)
 // Makes a GNSS/INS that waits for its first samples, with parameters by name. On an error nothing is made.
 //
 // # Safety
 // `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
 northing_status northing_gnss_ins_init(northing_gnss_ins *filter, const northing_setting *settings, size_t count);
+#endif
+
+#if !defined(NORTHING_DOUBLE)
+// Makes a GNSS/INS that waits for its first samples, with parameters by name. On an error nothing is made.
+//
+// # Safety
+// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+northing_status northing_gnss_ins_init_float(northing_gnss_ins *filter, const northing_setting *settings, size_t count);
+#endif
 
 // Takes an angular rate, rad/s, and a specific force, m/s^2, of one stamp.
 //
@@ -254,8 +297,8 @@ northing_status northing_gnss_ins_imu(northing_gnss_ins *filter,
                                       const northing_real *rate,
                                       const northing_real *force);
 
-// Takes a position, m north, east, down of the origin, with its standard deviations. Tells what it told horizontally; what it told
-// vertically is written to `vertical`, unless that is null.
+// Takes a position, m north, east, down of the origin, with its standard deviations, above 0. Without a height down is NaN. Tells what
+// it told horizontally; what it told vertically is written to `vertical`, unless that is null.
 //
 // # Safety
 // `filter` is null or points to a structure; `ned` and `std` are null or point to three numbers, `vertical` to a structure.
@@ -265,7 +308,7 @@ northing_innovation northing_gnss_ins_position(northing_gnss_ins *filter,
                                                const northing_real *std,
                                                northing_innovation *vertical);
 
-// Takes a velocity over ground, m/s north, east, down, with its standard deviations. Tells what it told.
+// Takes a velocity over ground, m/s north, east, down, with its standard deviations, above 0. Tells what it told.
 //
 // # Safety
 // `filter` is null or points to a structure; the others are null or point to three numbers.

@@ -122,8 +122,37 @@ fn gyroscope_bias<E: AttitudeEstimator<Real>>(
 ///
 /// # Safety
 /// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+#[cfg(feature = "double")]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn northing_mekf_init(
+    filter: *mut MekfMemory,
+    profile: c_int,
+    settings: *const Setting,
+    count: usize,
+) -> Status {
+    // SAFETY: the caller says so.
+    unsafe { init_mekf(filter, profile, settings, count) }
+}
+
+/// Makes a filter that waits for its first samples, with a profile and parameters by name. On an error nothing is made.
+///
+/// # Safety
+/// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+#[cfg(not(feature = "double"))]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn northing_mekf_init_float(
+    filter: *mut MekfMemory,
+    profile: c_int,
+    settings: *const Setting,
+    count: usize,
+) -> Status {
+    // SAFETY: the caller says so.
+    unsafe { init_mekf(filter, profile, settings, count) }
+}
+
+/// # Safety
+/// As of the functions above.
+unsafe fn init_mekf(
     filter: *mut MekfMemory,
     profile: c_int,
     settings: *const Setting,
@@ -251,8 +280,37 @@ pub unsafe extern "C" fn northing_mekf_gyroscope_bias(
 ///
 /// # Safety
 /// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+#[cfg(feature = "double")]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn northing_bounded_velocity_init(
+    filter: *mut BoundedVelocityMemory,
+    profile: c_int,
+    settings: *const Setting,
+    count: usize,
+) -> Status {
+    // SAFETY: the caller says so.
+    unsafe { init_bounded_velocity(filter, profile, settings, count) }
+}
+
+/// Makes a filter that waits for its first samples, with a profile and parameters by name. On an error nothing is made.
+///
+/// # Safety
+/// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+#[cfg(not(feature = "double"))]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn northing_bounded_velocity_init_float(
+    filter: *mut BoundedVelocityMemory,
+    profile: c_int,
+    settings: *const Setting,
+    count: usize,
+) -> Status {
+    // SAFETY: the caller says so.
+    unsafe { init_bounded_velocity(filter, profile, settings, count) }
+}
+
+/// # Safety
+/// As of the functions above.
+unsafe fn init_bounded_velocity(
     filter: *mut BoundedVelocityMemory,
     profile: c_int,
     settings: *const Setting,

@@ -47,12 +47,35 @@ storage!(GnssInsMemory: GnssIns<Real>, 0x6e6f_7274_6867_6e31);
 ///
 /// # Safety
 /// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+#[cfg(feature = "double")]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn northing_gnss_ins_init(
     filter: *mut GnssInsMemory,
     settings: *const Setting,
     count: usize,
 ) -> Status {
+    // SAFETY: the caller says so.
+    unsafe { init(filter, settings, count) }
+}
+
+/// Makes a GNSS/INS that waits for its first samples, with parameters by name. On an error nothing is made.
+///
+/// # Safety
+/// `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
+#[cfg(not(feature = "double"))]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn northing_gnss_ins_init_float(
+    filter: *mut GnssInsMemory,
+    settings: *const Setting,
+    count: usize,
+) -> Status {
+    // SAFETY: the caller says so.
+    unsafe { init(filter, settings, count) }
+}
+
+/// # Safety
+/// As of the functions above.
+unsafe fn init(filter: *mut GnssInsMemory, settings: *const Setting, count: usize) -> Status {
     // SAFETY: the caller says so; any bits are words.
     let Some(storage) = (unsafe { filter.as_mut() }) else {
         return Status::NoFilter;
@@ -94,8 +117,8 @@ pub unsafe extern "C" fn northing_gnss_ins_imu(
     }
 }
 
-/// Takes a position, m north, east, down of the origin, with its standard deviations. Tells what it told horizontally; what it told
-/// vertically is written to `vertical`, unless that is null.
+/// Takes a position, m north, east, down of the origin, with its standard deviations, above 0. Without a height down is NaN. Tells what
+/// it told horizontally; what it told vertically is written to `vertical`, unless that is null.
 ///
 /// # Safety
 /// `filter` is null or points to a structure; `ned` and `std` are null or point to three numbers, `vertical` to a structure.
@@ -113,7 +136,7 @@ pub unsafe extern "C" fn northing_gnss_ins_position(
     let Some(((ins, ned), std)) = ins.zip(ned).zip(std) else {
         return Innovation::NONE;
     };
-    let told = ins.gnss_position(time_ns, &GnssPosition::new(ned, std));
+    let told = ins.gnss_position(time_ns, &fix(ned, std));
     // SAFETY: the caller says so.
     if let Some(vertical) = unsafe { vertical.as_mut() } {
         *vertical = (&told.vertical).into();
@@ -121,7 +144,20 @@ pub unsafe extern "C" fn northing_gnss_ins_position(
     (&told.horizontal).into()
 }
 
-/// Takes a velocity over ground, m/s north, east, down, with its standard deviations. Tells what it told.
+/// A fix; without a height where down is NaN.
+fn fix(mut ned: Vector3<Real>, mut std: Vector3<Real>) -> GnssPosition<Real> {
+    let has_height = !ned.z.is_nan();
+    if !has_height {
+        // Numbers that pass for some, and are not looked at.
+        (ned.z, std.z) = (0.0, std.x);
+    }
+    GnssPosition {
+        has_height,
+        ..GnssPosition::new(ned, std)
+    }
+}
+
+/// Takes a velocity over ground, m/s north, east, down, with its standard deviations, above 0. Tells what it told.
 ///
 /// # Safety
 /// `filter` is null or points to a structure; the others are null or point to three numbers.

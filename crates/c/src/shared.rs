@@ -2,7 +2,7 @@
 
 use core::ffi::{CStr, c_char};
 
-use northing_core::kalman::{Innovation as CoreInnovation, Outcome as CoreOutcome};
+use northing_core::kalman::{Innovation as CoreInnovation, Outcome as CoreOutcome, SkipReason};
 use northing_core::parameters::{Range, Table, Value};
 
 /// The numbers: `double`, or `float` where the library is built for single precision (define `NORTHING_FLOAT`).
@@ -42,8 +42,11 @@ pub enum Outcome {
     Inflated = 1,
     /// Refused: too far from what was expected.
     Gated = 2,
-    /// Not looked at: not finite, not newer, or the filter is not aligned yet.
+    /// Not used: not finite, out of range (so is a standard deviation of 0), not newer, the same numbers again, far from its neighbours,
+    /// or there is no filter, or it is not aligned yet.
     NotUsed = 3,
+    /// Taken: it takes effect with a later sample, and is in that innovation.
+    Gathered = 4,
 }
 
 /// What a measurement told a filter.
@@ -75,6 +78,7 @@ impl From<&CoreInnovation<Real>> for Innovation {
                 CoreOutcome::Fused => Outcome::Fused,
                 CoreOutcome::Inflated => Outcome::Inflated,
                 CoreOutcome::Gated => Outcome::Gated,
+                CoreOutcome::Skipped(SkipReason::Accumulated) => Outcome::Gathered,
                 CoreOutcome::Skipped(_) => Outcome::NotUsed,
             },
         }

@@ -10,11 +10,22 @@ use std::ffi::{CString, c_int};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+#[cfg(feature = "double")]
+use northing_c::attitude::northing_mekf_init;
+#[cfg(not(feature = "double"))]
+use northing_c::attitude::northing_mekf_init_float as northing_mekf_init;
 use northing_c::attitude::{
     MekfMemory, NORTHING_MEKF_WORDS, Profile, northing_mekf_accelerometer,
-    northing_mekf_covariance, northing_mekf_gyroscope, northing_mekf_init, northing_mekf_quat,
+    northing_mekf_covariance, northing_mekf_gyroscope, northing_mekf_quat,
 };
-use northing_c::shared::{Outcome, Real, Setting, Status};
+#[cfg(feature = "double")]
+use northing_c::gnss_ins::northing_gnss_ins_init;
+#[cfg(not(feature = "double"))]
+use northing_c::gnss_ins::northing_gnss_ins_init_float as northing_gnss_ins_init;
+use northing_c::gnss_ins::{
+    GnssInsMemory, NORTHING_GNSS_INS_WORDS, northing_gnss_ins_imu, northing_gnss_ins_position,
+};
+use northing_c::shared::{Innovation, Outcome, Real, Setting, Status};
 
 const LAB: c_int = Profile::Lab as c_int;
 const HAND_HELD: c_int = Profile::HandHeld as c_int;
@@ -65,30 +76,7 @@ fn the_example_of_c_runs_without_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["attitude", "gnss_ins"] {
         let program = folder.path().join(name);
-        let compiled = Command::new(std::env::var("CC").unwrap_or_else(|_| "cc".to_owned()))
-            .args([
-                "-std=c99",
-                "-Wall",
-                "-Wextra",
-                "-Werror",
-                "-pedantic",
-                "-O1",
-            ])
-            .args(if cfg!(feature = "double") {
-                vec![]
-            } else {
-                vec!["-DNORTHING_FLOAT"]
-            })
-            .arg("-I")
-            .arg(here().join("include"))
-            .arg(here().join(format!("examples/{name}.c")))
-            .arg(library())
-            .args(["-lm", "-lpthread", "-ldl", "-o"])
-            .arg(&program)
-            .output()
-            .unwrap();
-        let said = String::from_utf8_lossy(&compiled.stderr);
-        assert!(compiled.status.success(), "{said}");
+        compile(name, cfg!(feature = "double"), &program).unwrap();
         let ran = Command::new(&program).output().unwrap();
         let said = String::from_utf8_lossy(&ran.stdout);
         assert!(ran.status.success(), "{said}");
@@ -96,10 +84,83 @@ fn the_example_of_c_runs_without_a_warning() {
     }
 }
 
+/// Compiles an example and links the library, or says what the compiler says.
+fn compile(name: &str, double: bool, program: &Path) -> Result<(), String> {
+    let compiled = Command::new(std::env::var("CC").unwrap_or_else(|_| "cc".to_owned()))
+        .args([
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-pedantic",
+            "-O1",
+        ])
+        .args((!double).then_some("-DNORTHING_FLOAT"))
+        .arg("-I")
+        .arg(here().join("include"))
+        .arg(here().join(format!("examples/{name}.c")))
+        .arg(library())
+        .args(["-lm", "-lpthread", "-ldl", "-o"])
+        .arg(program)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&compiled.stderr);
+    compiled.status.success().then_some(()).ok_or(said.into())
+}
+
+/// Of another precision the filter is larger than its memory.
+#[test]
+fn a_library_of_another_precision_does_not_link() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, function) in [
+        ("attitude", "northing_mekf_init"),
+        ("gnss_ins", "northing_gnss_ins_init"),
+    ] {
+        let program = folder.path().join(name);
+        let said = compile(name, !cfg!(feature = "double"), &program).unwrap_err();
+        assert!(said.contains(function), "{said}");
+    }
+}
+
 fn empty() -> MekfMemory {
     MekfMemory {
         words: [0; NORTHING_MEKF_WORDS],
     }
+}
+
+/// A filter that pre-integrates takes samples for later; a fix without a height is one.
+#[test]
+fn gathered_samples_and_fixes_without_a_height_are_told_as_such() {
+    use northing_core::kalman::{Innovation as Told, SkipReason};
+    let told = Told::<Real>::skipped(SkipReason::Accumulated);
+    assert_eq!(Innovation::from(&told).outcome, Outcome::Gathered);
+    let mut filter = GnssInsMemory {
+        words: [0; NORTHING_GNSS_INS_WORDS],
+    };
+    let (rate, force): ([Real; 3], [Real; 3]) = ([0.0; 3], [0.0, 0.0, -9.81]);
+    let (std, mut told) = ([1.0; 3], Vec::new());
+    // SAFETY: every pointer is null or points to what it is said to.
+    unsafe {
+        let made = northing_gnss_ins_init(&mut filter, std::ptr::null(), 0);
+        assert_eq!(made, Status::Ok);
+        for k in 0..6000_i64 {
+            northing_gnss_ins_imu(&mut filter, k * 10_000_000, rate.as_ptr(), force.as_ptr());
+            if k % 100 == 50 {
+                let wobble = if k % 200 == 50 { 0.1 } else { -0.1 };
+                let ned = [wobble, 0.0, Real::NAN];
+                let mut vertical = Innovation::from(&Told::skipped(SkipReason::NotUsed));
+                let horizontal = northing_gnss_ins_position(
+                    &mut filter,
+                    k * 10_000_000,
+                    ned.as_ptr(),
+                    std.as_ptr(),
+                    &mut vertical,
+                );
+                told.push((horizontal.outcome, vertical.outcome));
+            }
+        }
+    }
+    assert_eq!(told.last(), Some(&(Outcome::Fused, Outcome::NotUsed)));
 }
 
 /// The filter behind the functions is the one of the core, to the bit; a copy of the memory is the filter.

@@ -20,7 +20,8 @@
 //!   that costs one sample, and a false stamp costs its own sample only.
 //! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
 //!   gyroscope sample brings the time back, or nothing would be new until then. Where the gyroscope's own
-//!   stamp was false, its samples behind it bring the time back once they go on for longer than a gap.
+//!   stamp was false, or its clock was set back, its samples behind it bring the time back once they go on for
+//!   longer than a gap; their turn is made up for then.
 //! - It starts by [`Alignment`], and aligns again, keeping the bias, when an accelerometer or
 //!   magnetometer first appears later.
 //! - Without a magnetometer the heading of the start is arbitrary: the first compass heading turns
@@ -29,24 +30,22 @@
 mod checks;
 mod holes;
 mod realignment;
+mod stamps;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use self::checks::Checks;
+use self::stamps::Behind;
 use super::alignment::{Alignment, Prior};
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::faults::FaultySensor;
-use crate::faults::leaping_stamp::{LeapingStamp, Stamp};
+use crate::faults::leaping_stamp::LeapingStamp;
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{symmetrize, undrown};
 use crate::kalman::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit, seconds};
-
-/// A stamp that is ahead of all samples by more than so many times the longest continuous interval waits until another
-/// one goes on from it.
-const LEAP_GAPS: f64 = 10.0;
 
 /// Settings of a driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,16 +135,6 @@ impl<T: Scalar> DriverMemory<T> {
             leaping: LeapingStamp::default(),
         }
     }
-}
-
-/// A run of gyroscope samples behind a stamp that may be false.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Behind<T: Scalar> {
-    first_ns: i64,
-    last_ns: i64,
-    /// The last rate, rad/s.
-    rate: Vector3<T>,
 }
 
 /// State of a driver and of its estimator.
@@ -271,16 +260,19 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         let last_ns = self.memory.last_rate.map(|(last_ns, _)| last_ns);
         let last_ns = last_ns.max(self.memory.checks.gyroscope.last_ns());
-        if last_ns.is_some_and(|last_ns| time_ns <= last_ns)
-            && !self.goes_on_behind(time_ns, angular_rate)
-        {
+        let is_behind = last_ns.is_some_and(|last_ns| time_ns <= last_ns);
+        let run = is_behind.then(|| self.goes_on_behind(time_ns, angular_rate));
+        if run == Some(None) {
             return Propagation::Skipped(SkipReason::NotNewer);
         }
         if self.leaps(Some(FaultySensor::Gyroscope), time_ns) {
             return Propagation::Skipped(SkipReason::Suspect);
         }
-        self.memory.behind = None;
         self.forget_the_future(time_ns);
+        match run {
+            Some(Some(run)) => self.catch_up(&run),
+            _ => self.leave_behind(time_ns),
+        }
         let checked = self.memory.checks.gyroscope.check(time_ns, angular_rate);
         if self.memory.checks.gyroscope.may_be_clipped() {
             self.memory.checks.bias.interrupt();
@@ -522,87 +514,6 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         &self.memory.aligning
     }
 
-    /// Notes a sample older than the last one. Whether the last one was false: samples further than a gap behind it have
-    /// gone on for longer than a gap. The newest of them is then the last one.
-    fn goes_on_behind(&mut self, time_ns: i64, rate: &Vector3<T>) -> bool {
-        if !matches!(self.memory.last_rate, Some((last_ns, _)) if self.is_gap(time_ns, last_ns)) {
-            return false;
-        }
-        let run = self.memory.behind;
-        let run = run.filter(|run| time_ns > run.last_ns && !self.is_gap(run.last_ns, time_ns));
-        self.memory.behind = Some(Behind {
-            first_ns: run.map_or(time_ns, |run| run.first_ns),
-            last_ns: time_ns,
-            rate: *rate,
-        });
-        match run {
-            Some(run) if self.is_gap(run.first_ns, time_ns) => {
-                self.memory.last_rate = Some((run.last_ns, run.rate));
-                self.memory.checks.gyroscope.interrupt();
-                true
-            }
-            _ => false,
-        }
-    }
-
-    /// Whether a stamp is so far ahead of all samples that it is not used before another one goes on from it.
-    #[inline]
-    fn leaps(&mut self, sensor: Option<FaultySensor>, time_ns: i64) -> bool {
-        // One that is not ahead never does: of sensors with one clock only the first is looked at.
-        self.memory.now_ns.is_some_and(|now| now < time_ns) && self.leaps_ahead(sensor, time_ns)
-    }
-
-    fn leaps_ahead(&mut self, sensor: Option<FaultySensor>, time_ns: i64) -> bool {
-        let limit = self.config.gap_limit_s * lit(LEAP_GAPS);
-        let memory = &mut self.memory;
-        match (memory.leaping).look(sensor, memory.now_ns, time_ns, limit) {
-            Stamp::GoesOn | Stamp::Refutes(None) => false,
-            Stamp::Refutes(Some(fault)) => {
-                memory.checks.log.happened(fault);
-                false
-            }
-            Stamp::Doubted => true,
-        }
-    }
-
-    /// Takes back stamps that lie further ahead of a gyroscope sample than a gap.
-    fn forget_the_future(&mut self, time_ns: i64) {
-        if self
-            .memory
-            .now_ns
-            .is_some_and(|now| self.is_gap(time_ns, now))
-        {
-            self.memory.now_ns = Some(
-                self.memory
-                    .last_rate
-                    .map_or(time_ns, |(last_ns, _)| last_ns),
-            );
-            self.memory.passed_on = Vector3::zeros();
-            self.memory.checks.turned = Vector3::zeros();
-        }
-        let limit = self.config.gap_limit_s;
-        for last in [
-            &mut self.memory.last_force_ns,
-            &mut self.memory.last_field_ns,
-            &mut self.memory.last_heading_ns,
-        ] {
-            if last.is_some_and(|last| is_gap(time_ns, last, limit)) {
-                *last = None;
-            }
-        }
-        let aligning = self.memory.aligning.as_ref();
-        let since = aligning.map(|aligning| aligning.since_ns);
-        if since.is_some_and(|since| self.is_gap(time_ns, since)) {
-            self.memory.aligning = None;
-            self.memory.is_realigning = false;
-        }
-    }
-
-    #[inline]
-    fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {
-        is_gap(from_ns, to_ns, self.config.gap_limit_s)
-    }
-
     fn propagate(&mut self, rate: &Vector3<T>, dt: T) {
         if dt <= T::zero() {
             return;
@@ -615,12 +526,6 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.watch_bias(rate, dt);
     }
-}
-
-/// Whether a stamp is further ahead of another than a limit (s). Nearly always it is not ahead at all.
-#[inline]
-fn is_gap<T: Scalar>(from_ns: i64, to_ns: i64, limit: T) -> bool {
-    to_ns > from_ns && seconds::<T>(from_ns, to_ns) > limit
 }
 
 #[cfg(test)]

@@ -84,7 +84,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     }
 
     /// A day without samples is as blind as an hour: the number of steps is bounded.
-    fn propagate_in_steps(&mut self, rate: &Vector3<T>, total: T) {
+    pub(super) fn propagate_in_steps(&mut self, rate: &Vector3<T>, total: T) {
         if total <= self.config.gap_limit_s {
             // Nearly always.
             self.propagate(rate, total);

@@ -619,6 +619,47 @@ fn a_gyroscope_stamp_far_in_the_future_costs_its_sample_and_two_half_a_second() 
     }
 }
 
+/// GIVEN a clock that is set back by a second, by minutes or to zero in the midst of a motion WHEN samples go on THEN they are refused
+/// for a gap only, their turn is made up for, and the covariance says that nobody knows how long the clock stood.
+#[test]
+fn a_clock_that_is_set_back_costs_no_turn() {
+    use crate::attitude::test_world;
+    for back_ms in [200, 700, 1000, 10_000, 20_000] {
+        let mut driver = mekf();
+        let mut refused = 0;
+        let (mut k, mut worst) = (0_i64, 0.0_f64);
+        test_world::drive(40, 5, |truth, [w, a, m]| {
+            k += 1;
+            let t = (k * 10 - if k > 2000 { back_ms } else { 0 }) * MS;
+            if driver.gyroscope(t, &w) != Propagation::Done {
+                refused += 1;
+                return;
+            }
+            driver.accelerometer(t, &a);
+            driver.magnetometer(t, &m);
+            if k > 2000 {
+                let off = so3::log(&(driver.attitude().unwrap().inverse() * truth));
+                let p = driver.attitude_covariance().unwrap();
+                let nees = off.dot(&(p.try_inverse().unwrap() * off)) / 3.0;
+                // 2e6 where the turn that was refused was forgotten. Twelve degrees are more than a linear update is exact for.
+                let limit = if back_ms < 500 { 30.0 } else { 10.0 };
+                assert!(nees < limit, "{back_ms} ms, {k}: {nees}");
+                worst = worst.max(off.norm().to_degrees());
+            }
+        });
+        if back_ms < 500 {
+            // What may be missing is stated.
+            assert_eq!(refused, back_ms / 10, "{back_ms} ms");
+            continue;
+        }
+        assert_eq!(refused, 51, "{back_ms} ms");
+        assert!(worst < 1.0, "{back_ms} ms: {worst}");
+        let fault = driver.take_fault().unwrap();
+        assert_eq!((fault.kind, fault.is_over), (FaultKind::Missing, true));
+        assert_eq!(driver.take_fault(), None);
+    }
+}
+
 /// Old samples that do not follow each other bring nothing back.
 #[test]
 fn stray_gyroscope_samples_from_long_ago_do_not_turn_the_clock_back() {

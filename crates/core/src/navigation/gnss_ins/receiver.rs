@@ -89,7 +89,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let repeated = self.is_repeated(fix);
         self.memory.frozen = repeated && (self.memory.frozen || self.is_frozen());
         if self.memory.frozen && has_imu {
-            return Err(SkipReason::NotNewer);
+            return Err(SkipReason::Repeated);
         }
         if self.memory.aligning && has_imu {
             return Ok(self.align_with_position(time_ns, fix, shares));
@@ -200,7 +200,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let has_imu = self.config.imu_samples != ImuSamples::None;
         let repeated = self.memory.last_velocity.replace(fix.ned) == Some(fix.ned);
         if repeated && has_imu && fix.ned.norm_squared() > T::zero() {
-            return Err(SkipReason::NotNewer);
+            return Err(SkipReason::Repeated);
         }
         if self.memory.aligning && has_imu {
             return Ok(self.align_with_velocity(time_ns, fix));
