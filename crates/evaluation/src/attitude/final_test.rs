@@ -11,7 +11,8 @@
 //! of the error is stated beside it.
 //!
 //! The test applies when the device rested in the same pose for a second at both ends. Whether it
-//! did is read from the sensors, not from the estimate.
+//! did is read from the sensors, not from the estimate. What a satellite receiver saw travelling comes back to the same heading
+//! only where a field or a reference says so.
 
 use std::collections::VecDeque;
 
@@ -23,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::attitude::Instant;
 use crate::statistics::attitude_std::{AttitudeStd, tilt_covariance};
+use crate::statistics::ground_motion::GroundMotion;
 use crate::statistics::metrics::{AttitudeError, attitude_nees, tilt_error};
 
 /// 95 % of chi-square with 3 degrees of freedom lie between these, ...
@@ -253,6 +255,8 @@ struct Pose {
     force: Option<Vector3<f64>>,
     field: Option<Vector3<f64>>,
     reference: Option<UnitQuaternion<f64>>,
+    /// Whether it has travelled before, as a satellite receiver says.
+    travelled: bool,
 }
 
 fn same_pose(start: &Pose, end: &Pose) -> bool {
@@ -268,7 +272,9 @@ fn same_pose(start: &Pose, end: &Pose) -> bool {
         (Some(m0), Some(m1)) => turn_deg([&f0, &m0], [&f1, &m1]) < SAME_HEADING_DEG,
         _ => true,
     };
-    start.still && end.still && level && same_reference && same_field
+    let shows_heading = end.field.is_some() || end.reference.is_some();
+    let may_be_back = shows_heading || !end.travelled;
+    start.still && end.still && level && same_reference && same_field && may_be_back
 }
 
 /// How far gravity and field say that the body turned, deg; zero where they are parallel.
@@ -283,6 +289,8 @@ struct Window {
     forces: VecDeque<(i64, Vector3<f64>)>,
     fields: VecDeque<(i64, Vector3<f64>)>,
     reference: Option<(i64, UnitQuaternion<f64>)>,
+    motion: GroundMotion,
+    travelled: bool,
     now_ns: i64,
 }
 
@@ -292,6 +300,13 @@ impl Window {
         push(&mut self.rates, instant.time_ns, instant.angular_rate);
         push(&mut self.forces, instant.time_ns, instant.specific_force);
         push(&mut self.fields, instant.time_ns, field);
+        if let Some(fix) = &instant.fix {
+            self.motion.position(instant.time_ns, fix);
+        }
+        if let Some(velocity) = &instant.ground_velocity {
+            self.motion.velocity(instant.time_ns, velocity);
+        }
+        self.travelled |= self.motion.is_moving(instant.time_ns);
         if let Some(reference) = instant.reference {
             self.reference = Some((instant.time_ns, reference.attitude));
         }
@@ -301,11 +316,13 @@ impl Window {
         let since = self.now_ns.saturating_sub(WINDOW_NS);
         let rate = mean(&self.rates, since);
         Pose {
-            still: rate.is_some_and(|rate| self.is_still(&rate)),
+            still: rate.is_some_and(|rate| self.is_still(&rate))
+                && !self.motion.is_moving(self.now_ns),
             rate: rate.unwrap_or_default(),
             force: mean(&self.forces, since),
             field: mean(&self.fields, since),
             reference: self.reference.filter(|(t, _)| *t >= since).map(|(_, q)| q),
+            travelled: self.travelled,
         }
     }
 

@@ -1,7 +1,9 @@
 //! Instants: events of one time stamp, taken together.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use northing_recording::{CompassHeading, Event, Reference, Sample, SensorKind};
+use northing_recording::{
+    CompassHeading, Event, GnssPosition, GnssVelocity, Reference, Sample, SensorKind,
+};
 
 use crate::attitude::sampling_times::{Arrived, SamplingTimes};
 use crate::error::EvaluationError;
@@ -29,6 +31,10 @@ pub struct Instant {
     pub device: Option<UnitQuaternion<f64>>,
     /// The reference, if finite.
     pub reference: Option<Reference>,
+    /// A fix of a satellite receiver, if finite.
+    pub fix: Option<GnssPosition>,
+    /// A velocity over ground, if finite.
+    pub ground_velocity: Option<GnssVelocity>,
     /// Which sensors had a sample at all: bit [`SensorKind::order`].
     pub present: u32,
     /// Angular rates of this very stamp before [`Self::angular_rate`], which differ from it.
@@ -59,6 +65,8 @@ impl Instant {
             compass,
             device,
             reference,
+            fix,
+            ground_velocity,
             present,
             rates_before,
         } = self;
@@ -73,6 +81,7 @@ impl Instant {
             *vector = None;
         }
         (*compass, *device, *reference) = (None, None, None);
+        (*fix, *ground_velocity) = (None, None);
         (*stamp, *late_ns, *present, *rates_before) = (time_ns, 0, 0, 0);
     }
 
@@ -87,6 +96,8 @@ impl Instant {
             Sample::CompassHeading(c) => self.compass = Some(c),
             Sample::DeviceOrientation(q) if event.sample.is_finite() => self.device = Some(q),
             Sample::Reference(r) if event.sample.is_finite() => self.reference = Some(r),
+            Sample::GnssPosition(fix) if event.sample.is_finite() => self.fix = Some(fix),
+            Sample::GnssVelocity(v) if event.sample.is_finite() => self.ground_velocity = Some(v),
             _ => {}
         }
     }

@@ -175,6 +175,11 @@ impl Tally {
             force.map(Sample::SpecificForce),
             field.map(Sample::MagneticField),
         ];
+        self.diagnosis.over_ground(
+            instant.time_ns,
+            instant.fix.as_ref(),
+            instant.ground_velocity.as_ref(),
+        );
         for sample in samples.iter().flatten() {
             self.diagnosis
                 .sample(instant.time_ns, instant.late_ns, sample);

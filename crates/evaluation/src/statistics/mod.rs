@@ -4,6 +4,7 @@
 //! |---|---|
 //! | error metrics and NEES of an attitude | [`metrics`] |
 //! | faults that were found in the samples | [`faults`] |
+//! | whether a receiver says that it moves | [`ground_motion`] |
 //! | tilt, heading and body-axis standard deviations of an attitude | [`attitude_std`] |
 //! | heading errors without their constant part | [`heading_errors`] |
 //! | NIS, counts of updates, quantiles of chi-square | [`nis`] |
@@ -16,6 +17,7 @@
 pub mod attitude_std;
 pub mod consistency;
 pub mod faults;
+pub mod ground_motion;
 pub mod heading_errors;
 pub mod lamp;
 pub mod metrics;

@@ -71,11 +71,18 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     pub(super) fn catch_up(&mut self, run: &Behind<T>) {
         self.memory.behind = None;
         let before = self.memory.last_rate.map_or(run.rate, |(_, rate)| rate);
-        self.memory.checks.gyroscope.interrupt();
-        self.memory.checks.noise.interrupt();
-        self.memory.checks.bias.interrupt();
+        let checks = &mut self.memory.checks;
+        for check in [
+            &mut checks.gyroscope,
+            &mut checks.accelerometer,
+            &mut checks.magnetometer,
+        ] {
+            check.interrupt();
+        }
+        checks.noise.interrupt();
         self.memory.last_rate = Some((run.last_ns, run.rate));
         self.memory.now_ns = Some(run.last_ns);
+        self.forget_stamps_ahead_of(run.last_ns, T::zero());
         let still = self.rate_at_rest();
         let [before, after] = [before, run.rate].map(|rate| rate - still);
         let gap = self.config.gap_limit_s;
@@ -133,7 +140,17 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             self.memory.passed_on = Vector3::zeros();
             self.memory.checks.turned = Vector3::zeros();
         }
-        let limit = self.config.gap_limit_s;
+        self.forget_stamps_ahead_of(time_ns, self.config.gap_limit_s);
+        let aligning = self.memory.aligning.as_ref();
+        let since = aligning.map(|aligning| aligning.since_ns);
+        if since.is_some_and(|since| self.is_gap(time_ns, since)) {
+            self.memory.aligning = None;
+            self.memory.is_realigning = false;
+        }
+    }
+
+    /// Takes back stamps of other sensors that lie further ahead than a limit (s).
+    fn forget_stamps_ahead_of(&mut self, time_ns: i64, limit: T) {
         for last in [
             &mut self.memory.last_force_ns,
             &mut self.memory.last_field_ns,
@@ -142,12 +159,6 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             if last.is_some_and(|last| is_gap(time_ns, last, limit)) {
                 *last = None;
             }
-        }
-        let aligning = self.memory.aligning.as_ref();
-        let since = aligning.map(|aligning| aligning.since_ns);
-        if since.is_some_and(|since| self.is_gap(time_ns, since)) {
-            self.memory.aligning = None;
-            self.memory.is_realigning = false;
         }
     }
 

@@ -54,6 +54,8 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) bias_steps: BiasSteps<T>,
     /// The last position that was given, to see one that is repeated.
     pub(super) last_position: Option<Vector3<T>>,
+    /// When it was given first, or counted again.
+    pub(super) position_told_ns: i64,
     /// What rounding has done to it since, m.
     pub(super) repeated_within: T,
     /// Whether the receiver repeats a position from which the body has gone.
@@ -143,6 +145,7 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             judged_ns: None,
             bias_steps: BiasSteps::default(),
             last_position: None,
+            position_told_ns: 0,
             repeated_within: T::zero(),
             frozen: false,
             last_velocity: None,

@@ -22,6 +22,9 @@ const VERTICAL_FLOOR: f64 = 2.5;
 /// A receiver's velocity (m/s) below which it stands, beside its noise, and for how long after (ns).
 const RECEIVER_STANDS_M_S: f64 = 0.1;
 const RECEIVER_STANDS_NS: i64 = 700_000_000;
+/// A position that repeats itself counts as measured again after this time: tables tell the last one in every row. That of a receiver of 1 Hz
+/// counts always, whatever its stamps do.
+const HELD_NS: i64 = 900_000_000;
 
 /// What a position told, horizontally and vertically: each has its own weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +91,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         // The very same digits again: a receiver that stands, or one that is frozen.
         let repeated = self.is_repeated(fix);
         self.memory.frozen = repeated && (self.memory.frozen || self.is_frozen());
-        if self.memory.frozen && has_imu {
+        if has_imu && (self.memory.frozen || self.is_told_again(time_ns, repeated)) {
             return Err(SkipReason::Repeated);
         }
         if self.memory.aligning && has_imu {
@@ -105,6 +108,18 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             self.align_again(time_ns, fix, shares);
         }
         Ok(update)
+    }
+
+    /// Whether a position is the last one that a table tells in every row until the next comes. One that stays the same for longer, of
+    /// a receiver that stands, counts once in [`HELD_NS`].
+    fn is_told_again(&mut self, time_ns: i64, repeated: bool) -> bool {
+        let told_ns = &mut self.memory.position_told_ns;
+        let passed_ns = time_ns.saturating_sub(*told_ns);
+        let is_held = repeated && (0..HELD_NS).contains(&passed_ns);
+        if !is_held {
+            *told_ns = time_ns;
+        }
+        is_held
     }
 
     pub(super) fn fuse_position(

@@ -126,6 +126,32 @@ fn it_applies_only_to_a_device_that_rests_where_it_rested() {
     );
 }
 
+/// GIVEN a device that a receiver saw travelling WHEN it rests at the end as it did at the start THEN only a field says that it points
+/// where it did; and while the receiver says that it moves it does not rest.
+#[test]
+fn what_has_travelled_is_back_where_a_field_says_so() {
+    let here = UnitQuaternion::identity();
+    for (moves_until, has_field, applies) in
+        [(800, true, true), (800, false, false), (1200, true, false)]
+    {
+        let mut test = FinalTest::default();
+        for k in 0..1200 {
+            let mut now = instant(k, 0.01, &here);
+            if k > 300 && k < moves_until && k % 100 == 0 {
+                let velocity = northing_recording::GnssVelocity::from_course(13.0, 0.5);
+                now.ground_velocity = Some(velocity);
+            }
+            test.measured(&now, now.magnetic_field.filter(|_| has_field));
+        }
+        test.estimated(&here, None);
+        assert_eq!(
+            test.summary(has_field).is_some(),
+            applies,
+            "{moves_until} {has_field}"
+        );
+    }
+}
+
 #[test]
 fn a_reference_that_ends_elsewhere_overrules_the_sensors() {
     let mut test = FinalTest::default();

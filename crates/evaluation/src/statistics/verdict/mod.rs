@@ -38,7 +38,7 @@ mod tests;
 
 use nalgebra::Vector3;
 use northing_core::kalman::Innovation;
-use northing_recording::{Sample, SensorKind};
+use northing_recording::{GnssPosition, GnssVelocity, Sample, SensorKind};
 
 use self::axes::Axes;
 use self::excursions::{Condition, Excursions};
@@ -48,6 +48,7 @@ use self::resolution::Resolution;
 use self::rests::Rests;
 use self::saturation::Saturation;
 use self::timing::{Hole, Timing};
+use crate::statistics::ground_motion::GroundMotion;
 use crate::statistics::nis::NisStatistics;
 
 /// An axis of an accelerometer at rest shows up to all of gravity, one of a magnetometer up to all of the field: ranges end
@@ -123,6 +124,8 @@ pub struct Diagnosis {
     by_magnetometer: Updates,
     by_compass: Updates,
     rests: Rests,
+    /// Whether a receiver says that it moves.
+    motion: GroundMotion,
     axes: Axes,
     iron: Iron,
     stated: Stated,
@@ -241,7 +244,25 @@ impl Diagnosis {
         }
     }
 
+    /// Takes what a satellite receiver says of an instant.
+    pub fn over_ground(
+        &mut self,
+        time_ns: i64,
+        fix: Option<&GnssPosition>,
+        velocity: Option<&GnssVelocity>,
+    ) {
+        if let Some(fix) = fix {
+            self.motion.position(time_ns, fix);
+        }
+        if let Some(velocity) = velocity {
+            self.motion.velocity(time_ns, velocity);
+        }
+    }
+
     fn rate(&mut self, (time_ns, late_ns): (i64, i64), rate: &Vector3<f64>, sample: &Sample) {
+        if self.motion.is_moving(time_ns) {
+            self.rests.interrupt();
+        }
         self.rests.rate(time_ns, rate);
         if let Some(last) = self.gyroscope.last {
             let interval_s = time_ns.saturating_sub(self.rate_ns) as f64 * 1e-9;

@@ -137,6 +137,12 @@ impl Rests {
         }
     }
 
+    /// What was gathered is of no rest: something else says that the device moves.
+    pub fn interrupt(&mut self) {
+        (self.since_ns, self.quiet) = (None, None);
+        (self.rates, self.forces) = Default::default();
+    }
+
     /// Takes a specific force, m/s^2.
     pub fn force(&mut self, force: &Vector3<f64>) {
         if self.since_ns.is_some() {

@@ -2,8 +2,10 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::geometry::so3;
+use northing_recording::{GnssVelocity, Sample};
 use northing_simulation::random::{normal_vector, stream};
 
+use super::Diagnosis;
 use super::axes::{Axes, AxesFit, Estimated};
 use super::rests::Rests;
 
@@ -110,4 +112,30 @@ fn a_bias_of_the_gyroscope_that_jumps_is_found_between_two_rests() {
     assert!((jump.rad_s - 0.03).abs() < 2e-3, "{jump:?}");
     let between = jump.before_ns..=jump.after_ns;
     assert!(between.contains(&17_500_000_000), "{jump:?}");
+}
+
+/// GIVEN a smooth car at 14 m/s that turns steadily to one side, then to the other WHEN a receiver says that it moves THEN these are no
+/// rests, and no bias has changed. Inertial samples alone cannot tell.
+#[test]
+fn a_car_in_a_steady_turn_does_not_rest_where_a_receiver_says_that_it_moves() {
+    let found = |has_receiver: bool| {
+        let mut noise = stream(6, "car");
+        let mut diagnosis = Diagnosis::default();
+        for k in 0..4000_i64 {
+            let time_ns = k * 10_000_000;
+            let rate = Vector3::new(0.0, 0.0, if k < 2000 { -0.1 } else { 0.03 });
+            let force = Vector3::new(0.0, 14.0 * rate.z, 9.81);
+            if has_receiver && k % 100 == 0 {
+                let velocity = GnssVelocity::from_course(14.0, 0.0);
+                diagnosis.over_ground(time_ns, None, Some(&velocity));
+            }
+            let rate = rate + normal_vector(&mut noise, 2e-3);
+            diagnosis.sample(time_ns, 0, &Sample::AngularRate(rate));
+            let force = force + normal_vector(&mut noise, 0.02);
+            diagnosis.sample(time_ns, 0, &Sample::SpecificForce(force));
+        }
+        diagnosis.rests.bias_change()
+    };
+    assert!(found(false).is_some());
+    assert_eq!(found(true), None);
 }

@@ -501,3 +501,35 @@ fn a_rate_at_rest_that_is_refused_is_let_in_after_a_while() {
     let bias = ins.state().unwrap().gyroscope_bias.z;
     assert!((bias - jump).abs() < 0.2 * jump, "{bias}");
 }
+
+/// GIVEN a table that tells the last fix again in each of its rows WHEN a vehicle stands and drives THEN the estimate is that of each fix
+/// told once, and the rows are counted as the same numbers again.
+#[test]
+fn a_fix_that_a_table_tells_again_is_none() {
+    let drive = |every_row: bool| {
+        let mut ins = GnssIns::<f64, 64>::new(config()).unwrap();
+        let (mut motion, mut fix) = (Motion::start(), None);
+        for k in 1..=4000_i64 {
+            motion.step(k as f64 * 0.01, 0.01);
+            let time_ns = k * 10_000_000;
+            ins.imu(time_ns, &motion.rate(), &motion.force()).unwrap();
+            let is_new = k % 20 == 0;
+            if is_new {
+                let wobble = Vector3::new((k as f64).sin(), (k as f64).cos(), 0.0);
+                fix = Some(motion.position + wobble * 0.5);
+            }
+            if let Some(ned) = fix.filter(|_| is_new || every_row) {
+                let update =
+                    ins.gnss_position(time_ns, &GnssPosition::new(ned, Vector3::repeat(0.5)));
+                if !is_new {
+                    let told = Outcome::Skipped(SkipReason::Repeated);
+                    assert_eq!(update.horizontal.outcome, told, "{k}");
+                }
+            }
+        }
+        *ins.state().unwrap()
+    };
+    let (once, again) = (drive(false), drive(true));
+    assert!((once.position - again.position).norm() < 1e-6);
+    assert!((once.covariance - again.covariance).amax() < 1e-6);
+}
