@@ -124,7 +124,8 @@ fn poses(finished: &Finished) -> Result<Poses, String> {
 fn estimates(finished: &Finished) -> Result<Vec<u8>, String> {
     let poses = poses(finished)?;
     written("estimates.tum", |path| {
-        let mut writer = TumWriter::create(path, false)?;
+        let world = finished.options.world_frame;
+        let mut writer = TumWriter::create(path, world, false)?;
         for record in &poses.0 {
             let position = record.position.unwrap_or_else(Vector3::zeros);
             writer.write(record.time_ns, &position, &record.attitude)?;

@@ -132,7 +132,11 @@ pub(crate) fn recognises(header: &str) -> bool {
 
 /// Reads the leading `# key: value` lines (and a byte order mark) into the metadata; returns how
 /// many lines they were.
-fn read_comments(input: &mut impl BufRead, file: &str, metadata: &mut Metadata) -> Result<u64> {
+pub(crate) fn read_comments(
+    input: &mut impl BufRead,
+    file: &str,
+    metadata: &mut Metadata,
+) -> Result<u64> {
     let failed = |error| RecordingError::io(file, "read it", error);
     if input
         .fill_buf()

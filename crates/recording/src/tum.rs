@@ -1,14 +1,15 @@
 //! Trajectories in TUM form (`timestamp tx ty tz qx qy qz qw`), as `evo` and motion capture write them: a reference.
 //!
-//! Read first: `docs/formats.md`, section "TUM trajectory". The attitudes are read, the world's z axis taken as up; the
-//! positions are metres in a frame that the file does not place on the Earth.
+//! Read first: `docs/formats.md`, section "TUM trajectory". The attitudes are read, the world's z axis taken as up unless a comment
+//! says another `world_frame`; the positions are metres in a frame that the file does not place on the Earth.
 
 use std::io::BufReader;
 
+use crate::csv::read_comments;
 use crate::delimited::{Blanks, Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::Result;
 use crate::event::SensorKind;
-use crate::metadata::Metadata;
+use crate::metadata::{Metadata, WorldFrame};
 use crate::recording::Opened;
 use crate::stamp;
 use crate::text::Input;
@@ -39,8 +40,11 @@ pub(crate) fn recognises(text: &str) -> bool {
     lines.peek().is_some() && lines.all(is_pose)
 }
 
-/// Opens a trajectory.
+/// Opens a trajectory, reading its comments.
 pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opened> {
+    let mut input = BufReader::with_capacity(1 << 16, input);
+    let mut told = Metadata::default();
+    let lines_before = read_comments(&mut input, file, &mut told)?;
     let layout = Layout {
         names: NAMES.map(str::to_owned).to_vec(),
         time: 0,
@@ -49,15 +53,17 @@ pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opene
         decimal_comma: false,
         rows: None,
     };
-    let input = Blanks::new(BufReader::with_capacity(1 << 16, input));
+    let input = Blanks::new(input);
     let mut builder = csv::ReaderBuilder::new();
     builder
         .delimiter(b' ')
         .comment(Some(b'#'))
         .has_headers(false);
-    let rows = Rows::new(file.to_owned(), &mut builder, Box::new(input), 0);
+    let rows = Rows::new(file.to_owned(), &mut builder, Box::new(input), lines_before);
     let metadata = Metadata {
         format: "tum".to_owned(),
+        // Of other programs' comments nothing else is known to be meant for us.
+        world_frame: told.world_frame,
         ..metadata
     };
     let sensors = layout.sensors();
@@ -66,10 +72,13 @@ pub(crate) fn open(input: Input, file: &str, metadata: Metadata) -> Result<Opene
         sensors,
         Box::new(DelimitedSource::new(rows, layout)),
     );
-    opened.notes.push(
-        "Of the trajectory the attitudes are used, its z axis taken as up; its positions are in a frame of their own and are not used."
-            .to_owned(),
-    );
+    let up = match told.world_frame {
+        WorldFrame::Enu => "up",
+        WorldFrame::Ned => "down, as its comment says",
+    };
+    opened.notes.push(format!(
+        "Of the trajectory the attitudes are used, its z axis taken as {up}; its positions are in a frame of their own and are not used."
+    ));
     Ok(opened)
 }
 

@@ -172,7 +172,7 @@ fn write_trajectory(recording: &mut Recording, output: &Path, args: &ConvertArgs
         );
     }
     let from_reference = sensors.contains(&Reference);
-    let mut writer = TumWriter::create(output, args.force)?;
+    let mut writer = TumWriter::create(output, recording.metadata().world_frame, args.force)?;
     let mut position = Vector3::zeros();
     let mut samples = 0;
     for event in watched(recording, "converting") {

@@ -41,7 +41,7 @@ fn a_trajectory_is_made_of_the_reference_or_refused() {
     let json = lab.json(&["convert", "phone.csv", "truth.tum", "--json"]);
     assert_eq!(json["output"], "truth.tum");
     let lines = lab.read("truth.tum").lines().count() as u64;
-    assert_eq!(json["samples"].as_u64().unwrap() + 1, lines);
+    assert_eq!(json["samples"].as_u64().unwrap() + 2, lines);
     lab.write("imu.csv", csv(IMU, 10, |_| "0,0,0,0,0,9.81".to_owned()));
     let message = lab.refuses(&["convert", "imu.csv", "imu.tum"]);
     contains(

@@ -140,3 +140,34 @@ fn references_of_another_clock_or_motion_are_refused() {
     let text = other.succeeds(&["run", "turntable.csv", "--ignore-reference"]);
     contains(&text, &["no reference to score against"]);
 }
+
+/// A world with z down goes through a trajectory and back; of one that does not say so, the verticals do.
+#[test]
+fn a_trajectory_says_which_way_its_world_points() {
+    let lab = Lab::new();
+    let up = turntable(|t| t, |t| turn(t).0);
+    let down = up.replace("0,0,9.81,", "0,0,-9.81,");
+    lab.write("down.csv", format!("# world_frame: ned\n{down}"));
+    lab.succeeds(&["convert", "down.csv", "truth.tum"]);
+    lab.succeeds(&["run", "down.csv", "--out", "estimate.tum"]);
+    for reference in ["truth.tum", "estimate.tum"] {
+        let text = lab.read(reference);
+        assert!(text.contains("# world_frame: ned\n"), "{text:.200}");
+        let json = lab.json(&["run", "down.csv", "--reference", reference, "--json"]);
+        let error = json["error_deg"]["inclination_rmse"].as_f64();
+        assert!(error.is_some_and(|error| error < 1.0), "{json}");
+        contains(&json["issues"].to_string(), &["z axis taken as down"]);
+    }
+    lab.succeeds(&["convert", "truth.tum", "truth.csv"]);
+    contains(&lab.read("truth.csv"), &["# world_frame: ned"]);
+    let without = lab.read("truth.tum").replace("# world_frame: ned\n", "");
+    lab.write("other.tum", &without);
+    let refused = lab.refuses(&["run", "down.csv", "--reference", "other.tum"]);
+    contains(
+        &refused,
+        &["up is the estimate's down", "`# world_frame: ned`"],
+    );
+    lab.write("odd.tum", format!("# world_frame: nwu\n{without}"));
+    let refused = lab.refuses(&["run", "down.csv", "--reference", "odd.tum"]);
+    contains(&refused, &["odd.tum", "line 1", "expected enu or ned"]);
+}

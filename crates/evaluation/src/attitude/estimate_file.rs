@@ -103,7 +103,7 @@ impl EstimateFile {
             file.print(format_args!("t_s,{}\n", names.join(",")))?;
             Output::Csv(file)
         } else if has_extension(path, "tum") {
-            Output::Tum(TumWriter::create(path, force)?)
+            Output::Tum(TumWriter::create(path, WorldFrame::Enu, force)?)
         } else if has_extension(path, "parquet") {
             create_parquet(path, &names, force)?
         } else if has_extension(path, "mcap") {
@@ -125,6 +125,9 @@ impl EstimateFile {
     /// Says what the world of the recording is; before, it is east, north, up.
     pub fn set_world(&mut self, world: WorldFrame) {
         self.world = world;
+        if let Output::Tum(writer) = &mut self.output {
+            writer.set_world(world);
+        }
     }
 
     fn write(&mut self, record: &EstimateRecord) -> Result<()> {
@@ -312,11 +315,11 @@ mod tests {
         assert_eq!(cells(2), ["1", "-2", "3.5", "0.1", "0.2", "0.3"]);
         let text = written("e.tum");
         assert!(
-            text.lines().nth(1).unwrap().starts_with("0.0 0 0 0 "),
+            text.lines().nth(2).unwrap().starts_with("0.0 0 0 0 "),
             "{text}"
         );
         assert!(
-            text.lines().nth(2).unwrap().starts_with("0.5 1 -2 3.5 "),
+            text.lines().nth(3).unwrap().starts_with("0.5 1 -2 3.5 "),
             "{text}"
         );
     }

@@ -7,10 +7,11 @@ use northing_core::earth::{Geodetic, LocalFrame};
 
 use super::TrackPoint;
 use crate::error::Result;
+use crate::metadata::WorldFrame;
 use crate::tum_writer::TumWriter;
 
 pub(super) fn write(path: &Path, points: &[TrackPoint], force: bool) -> Result<()> {
-    let mut out = TumWriter::create(path, force)?;
+    let mut out = TumWriter::create(path, WorldFrame::Ned, force)?;
     let mut frame = None;
     for point in points {
         let place = Geodetic {

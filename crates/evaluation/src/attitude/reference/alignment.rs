@@ -83,6 +83,19 @@ pub enum ReferenceProblem {
         /// Correlation when they are read so.
         reread: f64,
     },
+    /// What it calls up the estimate calls down, whichever way the body lies.
+    #[error(
+        "its up is the estimate's down, over its {samples} samples: a half turn about a level axis lies between them, as \
+         where the z axis of its world, or of the recording's, points the other way than it is read (say which: a comment \
+         `# world_frame: ned` or `enu` of CSV and TUM, or `world_frame` in a manifest), or where all signs of the accelerometer are reversed{}",
+        if *turns { "" } else { ", or, as it turns too little to tell, where its quaternions are read in another order than they were written" }
+    )]
+    UpsideDown {
+        /// Samples that were compared.
+        samples: u64,
+        /// Whether it turns as the gyroscope says, so that its quaternions are read as they were written.
+        turns: bool,
+    },
     /// Its clock runs at another rate.
     #[error(
         "its clock runs {:.3} % {} than that of the sensors: its offset changes by {:.3} s in {span_s:.0} s",

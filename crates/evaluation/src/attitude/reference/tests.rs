@@ -1,6 +1,7 @@
 //! Clocks and mountings of simulated references, found and refused.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use northing_core::geometry::frames::enu_from_ned_rotation;
 
 use super::simulated::Turned;
 use super::{Order, Reading, ReferenceAlignment, ReferenceProblem, ReferenceUse, fit};
@@ -236,6 +237,37 @@ fn a_quaternion_read_the_wrong_way_is_told_from_another_recording() {
         refused.contains("quaternions are read inverted"),
         "{refused}"
     );
+}
+
+/// Rates are the same in a world whose z points down, so that only the verticals tell; a heading from any direction does not.
+#[test]
+fn a_reference_whose_world_is_upside_down_is_refused_as_such() {
+    let ned: fn(UnitQuaternion<f64>) -> UnitQuaternion<f64> = |q| enu_from_ned_rotation() * q;
+    for (speed, magnetometer) in [(1.0, true), (1.0, false), (0.0, true)] {
+        let turned = Turned {
+            speed,
+            magnetometer,
+            ..Turned::default()
+        };
+        assert!(scored(&turned, ReferenceUse::AsIs).is_ok());
+        let down = Turned {
+            read: ned,
+            ..turned
+        };
+        let refused = scored(&down, ReferenceUse::AsIs).unwrap_err().to_string();
+        assert!(
+            refused.contains("up is the estimate's down")
+                && refused.contains("`# world_frame: ned`"),
+            "{refused}"
+        );
+        // At rest the order of the numbers is another explanation.
+        assert_eq!(
+            refused.contains("in another order"),
+            speed < 0.5,
+            "{refused}"
+        );
+        assert!(scored(&down, ReferenceUse::Ignored).is_ok());
+    }
 }
 
 /// Nothing is concluded, and nothing refused, where nothing moves or hardly anything was recorded.

@@ -1,13 +1,46 @@
 //! The reference beside a run: scored at its instants, its rates compared with the gyroscope's, and both in words.
 
-use crate::attitude::reference::{LONGEST_WATCH_S, Rates, Scorer, find};
+use nalgebra::Vector3;
+
+use crate::attitude::reference::{LONGEST_WATCH_S, Rates, ReferenceProblem, Scorer, find};
 use crate::attitude::{EstimateRecord, Instant, ReferenceSummary, RunOptions, ScoredRecord};
+
+/// Mean cosine of the angle between the two verticals below which one is upside down: they are opposite to about 25 deg.
+const OPPOSITE: f64 = -0.9;
 
 /// Follows the reference of a recording.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ReferenceWatch {
     scorer: Scorer,
     rates: Rates,
+    verticals: Verticals,
+}
+
+/// The estimate's up beside the reference's: rates say nothing of a world that is turned.
+#[derive(Debug, Clone, Copy, Default)]
+struct Verticals {
+    samples: u64,
+    cosines: f64,
+}
+
+impl Verticals {
+    /// A heading, which may be arbitrary, does not move what a body says of up.
+    fn add(&mut self, scored: &ScoredRecord) {
+        if !scored.reference.scored {
+            return;
+        }
+        let up = Vector3::z();
+        let [of_estimate, of_reference] =
+            [scored.attitude, scored.reference.attitude].map(|q| q.inverse() * up);
+        self.samples += 1;
+        self.cosines += of_estimate.dot(&of_reference);
+    }
+
+    fn problem(self, turns: bool) -> Option<ReferenceProblem> {
+        let samples = self.samples;
+        (self.cosines < OPPOSITE * samples as f64)
+            .then_some(ReferenceProblem::UpsideDown { samples, turns })
+    }
 }
 
 impl ReferenceWatch {
@@ -15,6 +48,7 @@ impl ReferenceWatch {
         Self {
             scorer: Scorer::new(options.driver.gap_limit_s, options.smooth),
             rates: Rates::new(LONGEST_WATCH_S),
+            verticals: Verticals::default(),
         }
     }
 
@@ -27,8 +61,16 @@ impl ReferenceWatch {
     }
 
     /// Takes an estimate, and gives that of each reference up to its instant.
-    pub(crate) fn estimated(&mut self, record: &EstimateRecord, give: impl FnMut(&ScoredRecord)) {
-        self.scorer.estimate(record, give);
+    pub(crate) fn estimated(
+        &mut self,
+        record: &EstimateRecord,
+        mut give: impl FnMut(&ScoredRecord),
+    ) {
+        let verticals = &mut self.verticals;
+        self.scorer.estimate(record, |scored| {
+            verticals.add(scored);
+            give(scored);
+        });
     }
 
     /// What became of the reference; `None` without one.
@@ -39,6 +81,10 @@ impl ReferenceWatch {
         options: &RunOptions,
     ) -> Option<ReferenceSummary> {
         let found = (samples > 0).then(|| find(&self.rates.series()))?;
+        let found = found.and_then(|found| match self.verticals.problem(found.is_some()) {
+            Some(problem) => Err(problem),
+            None => Ok(found),
+        });
         Some(ReferenceSummary {
             samples,
             scored,
