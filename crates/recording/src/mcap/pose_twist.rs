@@ -1,12 +1,13 @@
 //! The ROS 2 messages of a velocity over ground or a pose: `geometry_msgs/TwistStamped`,
-//! `TwistWithCovarianceStamped`, `QuaternionStamped`, `PoseStamped`, `PoseWithCovarianceStamped` and `nav_msgs/Odometry`, as far as they are read.
+//! `TwistWithCovarianceStamped`, `QuaternionStamped`, `PoseStamped`, `PoseWithCovarianceStamped` and `nav_msgs/Odometry`, as far as they are read,
+//! and the velocity as it is written.
 //!
 //! Read first: REP 103 (axes: east, north, up).
 
 use nalgebra::UnitQuaternion;
 
-use super::cdr::CdrReader;
-use super::ros::{header_frame, stamp};
+use super::cdr::{CdrReader, CdrWriter};
+use super::ros::{header, header_frame, stamp};
 use crate::event::quaternion_from_file;
 use crate::gnss::GnssVelocity;
 
@@ -14,6 +15,9 @@ use crate::gnss::GnssVelocity;
 pub(super) const TWIST: &str = "geometry_msgs/msg/TwistStamped";
 /// The same with its covariance.
 pub(super) const TWIST_WITH_COVARIANCE: &str = "geometry_msgs/msg/TwistWithCovarianceStamped";
+/// What viewers need to read it, with the messages that it is made of.
+pub(super) const TWIST_WITH_COVARIANCE_DEFINITION: &str =
+    include_str!("twist_with_covariance_stamped.msg");
 /// The name of the schema of a pose.
 pub(super) const POSE: &str = "geometry_msgs/msg/PoseStamped";
 /// The same with its covariance.
@@ -50,6 +54,29 @@ pub(super) fn velocity(
         std_m_s,
     };
     Some((time_ns, velocity))
+}
+
+/// Far less than any receiver tells.
+const NEARLY_REST_M_S: f64 = 1e-9;
+
+/// The message of such a velocity, with its covariance; `None` when its stamp is beyond what ROS can hold.
+pub(super) fn encode_velocity(time_ns: i64, velocity: &GnssVelocity) -> Option<Vec<u8>> {
+    let mut out = CdrWriter::new();
+    header(&mut out, time_ns, "gps")?;
+    let up_m_s = match velocity.down_m_s {
+        None => 0.0,
+        // So that a zero that was measured is not read as one that was not.
+        Some(down) if down.abs() <= 0.0 => NEARLY_REST_M_S,
+        Some(down) => -down,
+    };
+    out.f64s(&[velocity.east_m_s, velocity.north_m_s, up_m_s]);
+    out.f64s(&[0.0; 3]);
+    let mut covariance = [0.0; 36];
+    if let Some([north, east, down]) = velocity.std_m_s {
+        (covariance[0], covariance[7], covariance[14]) = (east * east, north * north, down * down);
+    }
+    out.f64s(&covariance);
+    Some(out.into_bytes())
 }
 
 /// A position of a pose, as its message states it.
@@ -123,4 +150,41 @@ pub(super) fn attitude(
     }
     let [x, y, z, w] = input.f64s()?;
     Some((time_ns, quaternion_from_file(w, x, y, z)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_velocity_comes_back_with_its_standard_deviations() {
+        let velocity = |down_m_s, std_m_s| GnssVelocity {
+            north_m_s: 12.3,
+            east_m_s: -0.7,
+            down_m_s,
+            std_m_s,
+        };
+        for told in [
+            velocity(Some(-0.123), Some([0.05, 0.07, 0.11])),
+            velocity(Some(0.3), None),
+            velocity(None, Some([0.05, 0.07, 0.11])),
+            velocity(None, None),
+        ] {
+            let bytes = encode_velocity(1_500_000_000, &told).unwrap();
+            // Header 4; stamp 8; string 4 + 4; 6 + 36 numbers.
+            assert_eq!(bytes.len(), 4 + 16 + 42 * 8);
+            assert_eq!(velocity_of(&bytes), (1_500_000_000, told));
+        }
+        let rest = encode_velocity(0, &velocity(Some(0.0), None)).unwrap();
+        let read = velocity_of(&rest).1.down_m_s;
+        assert!(
+            read.is_some_and(|down| down.abs() <= NEARLY_REST_M_S),
+            "{read:?}"
+        );
+        assert_eq!(encode_velocity(i64::MAX, &velocity(None, None)), None);
+    }
+
+    fn velocity_of(bytes: &[u8]) -> (i64, GnssVelocity) {
+        super::velocity(bytes, 0, true).unwrap()
+    }
 }

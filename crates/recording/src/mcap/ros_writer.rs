@@ -2,7 +2,7 @@
 //!
 //! Topics: `/imu/data_raw` (rate and force, no orientation), `/imu/mag`, `/imu/data` (with an
 //! estimate, when one is given), `/device/orientation` and `/reference/orientation` (an `Imu` with
-//! nothing but the orientation), `/fix` (`NavSatFix`). Each sensor keeps its own stamps: a message without force says so as
+//! nothing but the orientation), `/fix` (`NavSatFix`), `/fix_velocity` (`TwistWithCovarianceStamped`). Each sensor keeps its own stamps: a message without force says so as
 //! the message definition wants it. Unscored instants of a reference, and sensors without a topic,
 //! are left out.
 
@@ -16,6 +16,7 @@ use northing_core::geometry::frames::{covariance_in_reference, enu_from_ned_rota
 
 use super::nav_sat_fix;
 use super::output::{Output, RosTopic, io_error, options};
+use super::pose_twist::{self, TWIST_WITH_COVARIANCE, TWIST_WITH_COVARIANCE_DEFINITION};
 use super::ros::{
     IMU, IMU_DEFINITION, Imu, MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION, MagneticField,
 };
@@ -41,6 +42,7 @@ enum Topic {
     Device,
     Reference,
     Fix,
+    Velocity,
 }
 
 impl Topic {
@@ -52,6 +54,7 @@ impl Topic {
             Self::Device => DEVICE_ORIENTATION,
             Self::Reference => REFERENCE,
             Self::Fix => "/fix",
+            Self::Velocity => "/fix_velocity",
         }
     }
 
@@ -59,6 +62,7 @@ impl Topic {
         match self {
             Self::Field => (MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION),
             Self::Fix => (nav_sat_fix::NAME, nav_sat_fix::DEFINITION),
+            Self::Velocity => (TWIST_WITH_COVARIANCE, TWIST_WITH_COVARIANCE_DEFINITION),
             _ => (IMU, IMU_DEFINITION),
         }
     }
@@ -74,6 +78,7 @@ pub const fn has_topic(kind: SensorKind) -> bool {
             | SensorKind::Magnetometer
             | SensorKind::DeviceOrientation
             | SensorKind::GnssPosition
+            | SensorKind::GnssVelocity
             | SensorKind::Reference
     )
 }
@@ -181,6 +186,10 @@ impl<W: Write + Seek> RosWriter<W> {
         if let Some(Sample::GnssPosition(fix)) = row.get(SensorKind::GnssPosition) {
             let bytes = nav_sat_fix::encode_fix(time_ns, fix);
             self.message(Topic::Fix, time_ns, bytes)?;
+        }
+        if let Some(Sample::GnssVelocity(velocity)) = row.get(SensorKind::GnssVelocity) {
+            let bytes = pose_twist::encode_velocity(time_ns, velocity);
+            self.message(Topic::Velocity, time_ns, bytes)?;
         }
         if let Some(Sample::DeviceOrientation(q)) = row.get(SensorKind::DeviceOrientation) {
             self.orientation(Topic::Device, time_ns, q)?;

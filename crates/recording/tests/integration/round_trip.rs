@@ -186,7 +186,8 @@ const GPS_LOG: &str = "$GPZDA,120000.00,01,06,2020,00,00\n\
 /// What a format keeps of an event: MCAP has topics for some sensors, and of a fix no number of satellites.
 fn kept(event: &Event, format: &str) -> Option<(i64, SensorKind, Vec<f64>)> {
     use northing_recording::event::SensorKind::{
-        Accelerometer, DeviceOrientation, GnssPosition, Gyroscope, Magnetometer, Reference,
+        Accelerometer, DeviceOrientation, GnssPosition, GnssVelocity, Gyroscope, Magnetometer,
+        Reference,
     };
     let kind = event.sample.kind();
     let of_ros = [
@@ -196,6 +197,7 @@ fn kept(event: &Event, format: &str) -> Option<(i64, SensorKind, Vec<f64>)> {
         DeviceOrientation,
         Reference,
         GnssPosition,
+        GnssVelocity,
     ];
     let is_kept = format != "mcap"
         || (of_ros.contains(&kind)
@@ -207,7 +209,13 @@ fn kept(event: &Event, format: &str) -> Option<(i64, SensorKind, Vec<f64>)> {
             fix.height_m.unwrap_or(-1.0),
             fix.std_m.map_or(-1.0, |std| std[1]),
         ],
-        Sample::GnssVelocity(v) => vec![v.north_m_s, v.east_m_s],
+        Sample::GnssVelocity(v) => vec![
+            v.north_m_s,
+            v.east_m_s,
+            v.down_m_s.unwrap_or(-1.0),
+            v.std_m_s.map_or(-1.0, |std| std[0]),
+            v.std_m_s.map_or(-1.0, |std| std[2]),
+        ],
         Sample::TrueHeading(heading) => vec![heading.heading_rad],
         sample => sample
             .vector()
