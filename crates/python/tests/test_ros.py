@@ -197,9 +197,37 @@ def test_a_field_that_comes_behind_the_inertial_sample_is_used(drive: Samples, d
             time.sleep(0.002)
         heard = collected.until("imu", 545)
         told = running.stop()
-    assert "imu/mag: 120 messages taken." in told, told
+    # The first one is older than all that is known of turns.
+    assert "imu/mag: 120 messages taken, 1 left out (stamp before the Imu's first, or before a pause of it)." in told, told
     # It knows where north is.
     assert heard[-1].orientation_covariance[8] < 0.5, told
+
+
+def test_no_field_of_a_burst_is_lost_and_a_unit_that_cannot_be_is_said(drive: Samples, domain: int) -> None:
+    with node("--domain", domain, "--estimator", "mekf", "--reliable") as running:
+        peer = ros.Peer(domain)
+        writer = peer.writer("imu/data_raw", ros.Imu)
+        field = peer.writer("imu/mag", ros.MagneticField)
+        state = peer.reader("/diagnostics", ros.DiagnosticArray)
+        ros.matched(running, peer)
+        fields = dict(drive["mag"])
+        for burst in range(0, 600, 20):
+            samples = drive["imu"][burst : burst + 20]
+            for time_ns, v in samples:
+                # Of g, where m/s^2 belong.
+                writer.write(ros.imu(time_ns, v[:3], [x / 9.80665 for x in v[3:]]))
+            for time_ns, _ in samples:
+                if time_ns in fields:
+                    values = ros.Vector3(*fields[time_ns])
+                    field.write(ros.MagneticField(ros.header(time_ns, "imu_link"), values, ros.UNKNOWN))
+            time.sleep(0.05)
+        time.sleep(1.5)
+        states = [status for one in state.take(100) for status in one.status]
+        told = running.stop()
+    assert "imu/mag: 120 messages taken." in told and "time stamp repeated" not in told, told
+    doubt = "the numbers of the accelerometer do not fit their messages"
+    assert told.count(doubt) == 2 and "looks like g" in told, told
+    assert any(status.level == 2 and doubt in status.message for status in states), states
 
 
 def numbers(one: Any) -> list[float]:
@@ -293,6 +321,8 @@ def test_what_cannot_be_is_said(domain: int) -> None:
         (["--estimator", "dead-reckoning"], "does not listen to"),
         (["--set", "nothing=1"], "unknown parameter"),
         (["--domain", "233"], "233"),
+        (["--estimator", "device"], "choose an estimator"),
+        (["--estimator", "mekf", "--fix", "/gps/fix"], "does not listen to it"),
     ]:
         ran = subprocess.run([program(), "ros", *arguments], capture_output=True, text=True, timeout=20, check=False)
         assert ran.returncode == 2 and words in ran.stderr, (arguments, ran.stderr)

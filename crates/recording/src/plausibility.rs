@@ -81,6 +81,16 @@ impl Plausibility {
         }
     }
 
+    /// All checks, of messages of ROS 2: their field is told in tesla.
+    #[must_use]
+    pub fn of_ros() -> Self {
+        let mut checks = Self::new(&OpenOptions::default());
+        for check in &mut checks.norms {
+            check.in_tesla = true;
+        }
+        checks
+    }
+
     /// Looks at one event.
     ///
     /// # Errors
@@ -160,6 +170,8 @@ impl Plausibility {
 struct NormCheck {
     sensor: SensorKind,
     norms: Norms,
+    /// Whether the field, in microtesla here, was told in tesla.
+    in_tesla: bool,
 }
 
 impl NormCheck {
@@ -167,13 +179,39 @@ impl NormCheck {
         Self {
             sensor,
             norms: Norms::default(),
+            in_tesla: false,
         }
+    }
+
+    /// A field that is told in tesla, by its norm, microtesla.
+    fn judge_tesla(&self, norm_ut: f64) -> Verdict {
+        let looks = match norm_ut {
+            2.0..5000.0 => return Ok(()),
+            ..2.0 => "another unit",
+            // The Earth's field is 22 to 67 microtesla, and so many of these times 1e6.
+            ..1.2e5 => "millitesla",
+            ..3e6 => "gauss",
+            ..1.2e8 => "microtesla",
+            ..3e9 => "milligauss",
+            _ => "nanotesla",
+        };
+        Err(Doubt {
+            sensor: self.sensor,
+            evidence: format!(
+                "the median norm of its first seconds is {:.3e}, expected 2e-5 to 7e-5 tesla; this looks like {looks}",
+                norm_ut * 1e-6
+            ),
+            hint: "if so, publish it in tesla",
+        })
     }
 
     fn judge(&mut self) -> Verdict {
         let Some(norm) = self.norms.median() else {
             return Ok(());
         };
+        if self.in_tesla && self.sensor != SensorKind::Accelerometer {
+            return self.judge_tesla(norm);
+        }
         let (expected, looks, hint) = match (self.sensor, norm) {
             (SensorKind::Accelerometer, ..0.5) => (
                 format!("{norm:.3}, expected about 9.8 m/s^2"),

@@ -10,6 +10,7 @@ use northing_core::kalman::{Innovation, Outcome, SkipReason};
 use northing_core::navigation::Validity;
 use northing_evaluation::statistics::lamp::{Remark, Tone};
 use northing_recording::mcap::{EstimateTopic, Level, Role, Status, diagnostics};
+use northing_recording::{RecordingError, SensorKind};
 
 use crate::messages::{Measured, Message};
 use crate::node::NodeConfig;
@@ -23,6 +24,8 @@ pub(crate) const SCHEMA: &str = "diagnostic_msgs/msg/DiagnosticArray";
 const PAUSE_S: f64 = 0.5;
 /// Why a message is not sent: the middleware says no more.
 const REFUSED: &str = "the middleware refused them";
+/// What becomes of a message without a stamp.
+const UNSTAMPED: &str = "a stamp of 0, taken at the time of arrival by this computer's clock";
 /// An input is missed after so many of its mean intervals.
 const MISSED_INTERVALS: f64 = 10.0;
 
@@ -36,14 +39,19 @@ struct Input {
     /// When the first and the last were heard.
     span: Option<[Instant; 2]>,
     left_out: BTreeMap<&'static str, u64>,
+    /// Without a stamp.
+    unstamped: u64,
+    /// What cannot be right of its numbers, by sensor.
+    doubts: BTreeMap<&'static str, String>,
 }
 
 /// What the updates of a sensor did since the last diagnostics.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct Updates {
     fused: u64,
     gated: u64,
-    skipped: u64,
+    /// By the reason in words.
+    skipped: BTreeMap<&'static str, (SkipReason, u64)>,
     nis: f64,
     components: f64,
 }
@@ -74,6 +82,8 @@ impl Diagnostics {
                 heard_now: 0,
                 span: None,
                 left_out: BTreeMap::new(),
+                unstamped: 0,
+                doubts: BTreeMap::new(),
             };
             (*role, input)
         };
@@ -114,6 +124,35 @@ impl Diagnostics {
         }
     }
 
+    /// A message came without a stamp; a sentence, the first time.
+    pub(crate) fn unstamped(&mut self, role: Role) -> Option<String> {
+        let input = self.inputs.get_mut(&role)?;
+        input.unstamped += 1;
+        (input.unstamped == 1).then(|| format!("{}: {UNSTAMPED}.", input.topic))
+    }
+
+    /// The numbers of a sensor cannot be what its messages say; a sentence, the first time.
+    pub(crate) fn doubt(&mut self, doubt: &RecordingError) -> Option<String> {
+        let RecordingError::ImplausibleUnit {
+            sensor, evidence, ..
+        } = doubt
+        else {
+            return None;
+        };
+        let (role, unit) = of_message(sensor)?;
+        let input = self.inputs.get_mut(&role)?;
+        if input.doubts.contains_key(sensor) {
+            return None;
+        }
+        let sentence = format!(
+            "the numbers of the {sensor} do not fit their messages, which have {unit}: {evidence}. What is estimated from them is \
+             wrong then; put it right where they are published"
+        );
+        let told = format!("{}: {sentence}.", input.topic);
+        input.doubts.insert(sensor, sentence);
+        Some(told)
+    }
+
     pub(crate) fn updated(&mut self, sensor: &'static str, innovation: &Innovation<f64>) {
         let updates = self.updates.entry(sensor).or_default();
         match innovation.outcome {
@@ -121,7 +160,13 @@ impl Diagnostics {
             Outcome::Gated => updates.gated += 1,
             // It waits for the next one, with which it is fused.
             Outcome::Skipped(SkipReason::Accumulated) => {}
-            Outcome::Skipped(_) => updates.skipped += 1,
+            Outcome::Skipped(why) => {
+                updates
+                    .skipped
+                    .entry(why.description())
+                    .or_insert((why, 0))
+                    .1 += 1;
+            }
         }
         if !matches!(innovation.outcome, Outcome::Skipped(_)) && innovation.nis.is_finite() {
             updates.nis += innovation.nis;
@@ -172,7 +217,13 @@ impl Diagnostics {
             for (why, count) in &input.left_out {
                 text.push_str(&format!(", {count} left out ({why})"));
             }
+            if input.unstamped > 0 {
+                text.push_str(&format!(", {} of them with {UNSTAMPED}", input.unstamped));
+            }
             text.push('.');
+            for doubt in input.doubts.values() {
+                text.push_str(&format!("\n{}: {doubt}.", input.topic));
+            }
             text
         });
         let refused = self.refused.iter().map(|(topic, count)| {
@@ -234,6 +285,21 @@ impl Diagnostics {
     }
 }
 
+/// The topic on which a sensor is, and what its messages have.
+fn of_message(sensor: &str) -> Option<(Role, &'static str)> {
+    let kind = SensorKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == sensor)?;
+    Some(match kind {
+        SensorKind::Gyroscope => (Role::Inertial, "rad/s about right-handed axes"),
+        SensorKind::Accelerometer => (Role::Inertial, "m/s^2, gravity included"),
+        SensorKind::Magnetometer => (Role::Field, "tesla"),
+        SensorKind::GnssPosition => (Role::Fix, "degrees, north and east positive"),
+        SensorKind::GnssVelocity => (Role::Velocity, "m/s east, north and up"),
+        _ => return None,
+    })
+}
+
 fn of_validity(validity: Validity) -> (Level, String) {
     let remark = Remark::of_validity(validity);
     let level = match remark.tone {
@@ -275,9 +341,22 @@ impl Input {
         for (why, count) in &self.left_out {
             values.push((format!("left out: {why}"), count.to_string()));
         }
+        let mut message = message;
+        if self.unstamped > 0 {
+            message.push_str(&format!("; {UNSTAMPED}"));
+            values.push(("with a stamp of 0".to_owned(), self.unstamped.to_string()));
+        }
+        for doubt in self.doubts.values() {
+            message.push_str(&format!("; {doubt}"));
+        }
+        let level = match silence {
+            _ if !self.doubts.is_empty() => Level::Error,
+            Level::Ok if self.unstamped > 0 => Level::Warn,
+            silence => silence,
+        };
         self.heard_now = 0;
         Status {
-            level: silence,
+            level,
             name: format!("{node}: {}", self.topic),
             message,
             values,
@@ -285,23 +364,52 @@ impl Input {
     }
 }
 
+/// Whether measurements that are skipped for this reason, all of a second, are to be looked at.
+const fn is_fault(why: SkipReason) -> bool {
+    !matches!(
+        why,
+        SkipReason::NotUsed
+            | SkipReason::NotInitialized
+            | SkipReason::NotDue
+            | SkipReason::Accumulated
+            | SkipReason::Unobservable
+    )
+}
+
 impl Updates {
     fn status(&self, name: &str) -> Status {
         let refused = self.gated > self.fused;
+        let skipped: u64 = self.skipped.values().map(|(_, count)| count).sum();
         let mut values = vec![
             ("fused".to_owned(), self.fused.to_string()),
             ("gated".to_owned(), self.gated.to_string()),
-            ("skipped".to_owned(), self.skipped.to_string()),
+            ("skipped".to_owned(), skipped.to_string()),
         ];
+        for (why, (_, count)) in &self.skipped {
+            values.push((format!("skipped: {why}"), count.to_string()));
+        }
+        // The reason of most.
+        let most = self.skipped.values().max_by_key(|(_, count)| *count);
+        let unused = most.filter(|_| self.fused + self.gated == 0);
+        let is_fault = unused.is_some_and(|(why, _)| is_fault(*why));
         if self.components > 0.0 {
             let ratio = self.nis / self.components;
             values.push(("NIS by its expectation".to_owned(), format!("{ratio:.2}")));
         }
         Status {
-            level: if refused { Level::Warn } else { Level::Ok },
+            level: if refused || is_fault {
+                Level::Warn
+            } else {
+                Level::Ok
+            },
             name: name.to_owned(),
             message: match (self.fused + self.gated, refused) {
-                (0, _) => "no update".to_owned(),
+                (0, _) => match unused {
+                    Some((why, _)) => {
+                        format!("no update: {skipped} measurements skipped, most because: {why}")
+                    }
+                    None => "no update".to_owned(),
+                },
                 (all, true) => format!("the gate refused {} of {all} measurements", self.gated),
                 (all, false) => format!("{} of {all} measurements fused", self.fused),
             },
@@ -313,6 +421,9 @@ impl Updates {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
+    use northing_recording::plausibility::Plausibility;
+    use northing_recording::{Event, Sample};
 
     #[test]
     fn messages_that_the_middleware_refuses_are_said() {
@@ -342,5 +453,71 @@ mod tests {
             said,
             ["/imu/data: 2 messages not sent: the middleware refused them."]
         );
+    }
+
+    /// A field in microtesla: an error on its topic, said once, and at the end.
+    #[test]
+    fn numbers_that_do_not_fit_their_messages_are_an_error_and_said_once() {
+        let mut told = Diagnostics::new("/northing", &NodeConfig::default());
+        let mut checks = Plausibility::of_ros();
+        let mut said = Vec::new();
+        for k in 0..500_i64 {
+            let event = Event {
+                time_ns: k * 20_000_000,
+                // Of 22 and 43 tesla.
+                sample: Sample::MagneticField(Vector3::new(0.0, 22e6, -43e6)),
+            };
+            said.extend(checks.check(&event, "").err().and_then(|e| told.doubt(&e)));
+        }
+        let wanted = "imu/mag: the numbers of the magnetometer do not fit their messages, which have tesla: the median norm of its first \
+                      seconds is 4.830e1, expected 2e-5 to 7e-5 tesla; this looks like microtesla.";
+        assert!(said.len() == 1 && said[0].starts_with(wanted), "{said:?}");
+        let input = told.inputs.get_mut(&Role::Field).unwrap();
+        let status = input.status(Role::Field, "/northing", 1.0);
+        assert_eq!(status.level, Level::Error);
+        assert!(
+            status.message.contains("looks like microtesla"),
+            "{status:?}"
+        );
+        let told = told.sentences();
+        assert!(told.iter().any(|text| text.contains(wanted)), "{told:?}");
+    }
+
+    #[test]
+    fn a_message_without_a_stamp_is_a_warning_and_said_once() {
+        let mut told = Diagnostics::new("/northing", &NodeConfig::default());
+        let said: Vec<String> = (0..3)
+            .filter_map(|_| told.unstamped(Role::Inertial))
+            .collect();
+        let wanted =
+            "imu/data_raw: a stamp of 0, taken at the time of arrival by this computer's clock.";
+        assert_eq!(said, [wanted]);
+        let message = Message {
+            role: Role::Inertial,
+            frame: None,
+            events: None,
+            is_unstamped: true,
+        };
+        told.heard(&message, None);
+        let input = told.inputs.get_mut(&Role::Inertial).unwrap();
+        assert_eq!(input.status(Role::Inertial, "", 1.0).level, Level::Warn);
+    }
+
+    #[test]
+    fn measurements_that_are_all_skipped_have_their_reason() {
+        let status = |why: SkipReason| {
+            let skipped = [(why.description(), (why, 50))].into();
+            let updates = Updates {
+                skipped,
+                ..Updates::default()
+            };
+            updates.status("magnetometer")
+        };
+        let broken = status(SkipReason::OutOfRange);
+        assert_eq!(broken.level, Level::Warn);
+        assert!(broken.message.contains("far out of range"), "{broken:?}");
+        let unused = status(SkipReason::NotUsed);
+        assert_eq!(unused.level, Level::Ok);
+        assert!(unused.message.contains("sensor not used"), "{unused:?}");
     }
 }

@@ -5,12 +5,13 @@
 //! | starting and stopping the node, its topics | `node.rs` |
 //! | messages as bytes of CDR | `bytes.rs` |
 //! | the messages in the order in which an estimator takes them | `messages.rs` |
+//! | the samples of several topics in the order of their stamps | `order.rs` |
 //! | how the sensors are mounted | `mounted.rs` |
 //! | what is published of each estimate | `publish.rs` |
 //! | the state of inputs and estimator, once a second | `diagnostics.rs` |
 //!
 //! Read first: `docs/ros.md`. The messages themselves are those of bags: `northing_recording::mcap`. Stamps are those of the
-//! messages, never this computer's clock, so simulated time needs nothing.
+//! messages, so simulated time needs nothing; a stamp of zero is none, and the message has that of its arrival.
 
 #![deny(rustdoc::broken_intra_doc_links)]
 
@@ -19,6 +20,7 @@ mod diagnostics;
 mod messages;
 mod mounted;
 mod node;
+mod order;
 mod publish;
 
 pub use diagnostics::Diagnostics;

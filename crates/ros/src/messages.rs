@@ -1,17 +1,20 @@
 //! The messages in the order in which an estimator takes them.
 //!
 //! Messages of different topics come when they come: a magnetometer's a little behind the inertial sensor's, a receiver's a
-//! tenth of a second and more. A fix keeps its stamp, for which the filter remembers where it was; a field is taken at the
-//! newest inertial stamp. A clock that jumps back ends the run, and the next one begins anew.
+//! tenth of a second and more, and drivers send bursts. A fix keeps its stamp, for which the filter remembers where it was; the others
+//! are put in order with the inertial sensor's (`order.rs`). A clock that jumps back ends the run, and the next one begins anew. What
+//! readers of files refuse is said of messages, which nobody can refuse.
 
-use std::sync::PoisonError;
 use std::time::Duration;
 
 use nalgebra::Vector3;
 use northing_recording::mcap::Role;
-use northing_recording::{Event, Sample};
+use northing_recording::plausibility::Plausibility;
+use northing_recording::{Event, RecordingError, Sample};
 
+use crate::diagnostics::Diagnostics;
 use crate::node::{Heard, Node};
+use crate::order::{OTHER_CLOCK, OTHER_CLOCK_NS, Order};
 
 /// How often it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
@@ -19,8 +22,6 @@ const LOOK: Duration = Duration::from_millis(100);
 const BACK_NS: i64 = 1_000_000_000;
 /// ... once so many come in a row.
 const BACK_MESSAGES: u32 = 5;
-/// Fixes whose stamps are further from those of the inertial sensor are of another clock.
-const OTHER_CLOCK_NS: i64 = 5_000_000_000;
 
 /// A message that was heard.
 #[derive(Debug, Clone)]
@@ -31,6 +32,8 @@ pub struct Message {
     pub frame: Option<String>,
     /// Its samples, all of one stamp; `None` where its bytes are not such a message.
     pub events: Option<Vec<Event>>,
+    /// Whether it came without a stamp, and has that of its arrival.
+    pub is_unstamped: bool,
 }
 
 /// Why there are no more messages.
@@ -61,6 +64,10 @@ pub struct Messages<'a> {
     /// The newest inertial stamp.
     newest_ns: Option<i64>,
     back: u32,
+    order: Order,
+    /// Until the run ends.
+    plausibility: Option<Plausibility>,
+    tell: &'a dyn Fn(&str),
     ended: Option<Ended>,
 }
 
@@ -89,8 +96,17 @@ impl<'a> Messages<'a> {
             is_stopped,
             newest_ns: None,
             back: 0,
+            order: Order::default(),
+            plausibility: Some(Plausibility::of_ros()),
+            tell: &|_| (),
             ended: None,
         }
+    }
+
+    /// Says by `tell` once what is wrong with the messages of a topic.
+    #[must_use]
+    pub fn telling(self, tell: &'a dyn Fn(&str)) -> Self {
+        Self { tell, ..self }
     }
 
     /// Why there are no more.
@@ -166,16 +182,65 @@ fn take(message: &Message, newest_ns: &mut Option<i64>, back: &mut u32) -> Taken
             (*newest_ns, *back) = (Some(time_ns), 0);
             Taken::Given(events.clone())
         }
-        _ if behind.saturating_abs() > OTHER_CLOCK_NS => {
-            Taken::LeftOut("stamp of another clock than the Imu's")
+        _ if behind.saturating_abs() > OTHER_CLOCK_NS => Taken::LeftOut(OTHER_CLOCK),
+        _ => Taken::Given(events.clone()),
+    }
+}
+
+impl Messages<'_> {
+    /// Takes a message of a sensor.
+    fn put(&mut self, message: &Message) {
+        match take(message, &mut self.newest_ns, &mut self.back) {
+            Taken::Given(mut events) => {
+                self.check(message, &events);
+                let mounted = self.node.mounted();
+                for event in &mut events {
+                    *event = mounted.mounting.turned_of(message.role, *event);
+                }
+                drop(mounted);
+                self.told(|told| told.heard(message, measured_of(&events)));
+                self.order.put(message.role, events);
+            }
+            Taken::LeftOut(why) => self.told(|told| told.left_out(message.role, why)),
+            Taken::End(ended) => self.ended = Some(ended),
         }
-        Role::Fix | Role::Velocity | Role::LocalPosition => Taken::Given(events.clone()),
-        _ => {
-            let newest = |event: &Event| Event {
-                time_ns: newest,
-                ..*event
-            };
-            Taken::Given(events.iter().map(newest).collect())
+        for (role, why) in self.order.left_out() {
+            self.told(|told| told.left_out(role, why));
+        }
+    }
+
+    /// Looks whether the numbers of a message can be what they are said to be, and whether it has a stamp.
+    fn check(&mut self, message: &Message, events: &[Event]) {
+        if message.is_unstamped {
+            self.remark(|told| told.unstamped(message.role));
+        }
+        let Some(plausibility) = &mut self.plausibility else {
+            return;
+        };
+        let checked = events.iter().map(|event| plausibility.check(event, ""));
+        let doubts: Vec<RecordingError> = checked.filter_map(Result::err).collect();
+        for doubt in doubts {
+            self.remark(|told| told.doubt(&doubt));
+        }
+    }
+
+    /// The verdict on messages too few for the running checks.
+    fn finish(&mut self) {
+        let plausibility = self.plausibility.take();
+        if let Some(Err(doubt)) = plausibility.map(|mut checks| checks.finish("")) {
+            self.remark(|told| told.doubt(&doubt));
+        }
+    }
+
+    fn told(&self, tell: impl FnOnce(&mut Diagnostics)) {
+        tell(&mut self.node.told());
+    }
+
+    /// Says what is remarked for the first time.
+    fn remark(&self, remark: impl FnOnce(&mut Diagnostics) -> Option<String>) {
+        let new = remark(&mut self.node.told());
+        if let Some(sentence) = new {
+            (self.tell)(&sentence);
         }
     }
 }
@@ -185,31 +250,19 @@ impl Iterator for Messages<'_> {
 
     fn next(&mut self) -> Option<Vec<Event>> {
         loop {
+            if let Some(events) = self.order.next() {
+                return Some(events);
+            }
             if self.ended.is_some() {
+                self.finish();
                 return None;
             }
             if (self.is_stopped)() {
                 self.ended = Some(Ended::Stopped);
-                return None;
-            }
-            let Some(message) = self.message() else {
                 continue;
-            };
-            let taken = take(&message, &mut self.newest_ns, &mut self.back);
-            let diagnostics = self.node.diagnostics();
-            let mut diagnostics = diagnostics.lock().unwrap_or_else(PoisonError::into_inner);
-            match taken {
-                Taken::Given(mut events) => {
-                    let mounted = self.node.mounted();
-                    for event in &mut events {
-                        *event = mounted.mounting.turned_of(message.role, *event);
-                    }
-                    drop(mounted);
-                    diagnostics.heard(&message, measured_of(&events));
-                    return Some(events);
-                }
-                Taken::LeftOut(why) => diagnostics.left_out(message.role, why),
-                Taken::End(ended) => self.ended = Some(ended),
+            }
+            if let Some(message) = self.message() {
+                self.put(&message);
             }
         }
     }
@@ -244,11 +297,12 @@ mod tests {
             role,
             frame: None,
             events: Some(vec![Event { time_ns, sample }]),
+            is_unstamped: false,
         }
     }
 
     #[test]
-    fn late_fields_are_taken_at_the_newest_stamp_and_late_fixes_at_their_own() {
+    fn messages_keep_their_stamps_unless_these_are_of_another_clock() {
         let (mut newest, mut back) = (None, 0);
         let mut take = |message: Message| take(&message, &mut newest, &mut back);
         let stamp = |taken: Taken| match taken {
@@ -264,14 +318,11 @@ mod tests {
         assert_eq!(stamp(take(message(Role::Inertial, now))), Some(now));
         assert_eq!(stamp(take(message(Role::Inertial, now))), None);
         assert_eq!(stamp(take(message(Role::Inertial, now - 1))), None);
-        assert_eq!(stamp(take(message(Role::Field, now - 3))), Some(now));
+        assert_eq!(stamp(take(message(Role::Field, now - 3))), Some(now - 3));
         let late = now - SECOND / 5;
         assert_eq!(stamp(take(message(Role::Fix, late))), Some(late));
         let other = take(message(Role::Fix, now - 3600 * SECOND));
-        assert_eq!(
-            other,
-            Taken::LeftOut("stamp of another clock than the Imu's")
-        );
+        assert_eq!(other, Taken::LeftOut(OTHER_CLOCK));
         let unreadable = Message {
             events: None,
             ..message(Role::Inertial, 0)

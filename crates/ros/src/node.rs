@@ -9,6 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use futures_util::StreamExt as _;
 use northing_evaluation::UsedParameter;
 use northing_evaluation::by_name::text;
+use northing_recording::Event;
 use northing_recording::mcap::{EstimateTopic, Mounting, Role, frame_id, measured};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
@@ -341,6 +342,12 @@ impl Node {
         Arc::clone(&self.diagnostics)
     }
 
+    pub(crate) fn told(&self) -> MutexGuard<'_, Diagnostics> {
+        self.diagnostics
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// What is heard next, waiting for it at most so long.
     pub(crate) fn next(&self, patience: Duration) -> Option<Heard> {
         let unread = self.unread.lock();
@@ -447,10 +454,14 @@ async fn listen(
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let now_ns = now.map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(0));
         let events = measured(role, schema, &bytes, now_ns, None);
+        let events: Option<Vec<Event>> = events.map(Iterator::collect);
+        // A stamp of zero was replaced by the time of arrival.
+        let is_now = |events: &Vec<Event>| events.iter().any(|event| event.time_ns == now_ns);
         let message = Message {
             role,
             frame: frame_id(&bytes).map(str::to_owned),
-            events: events.map(Iterator::collect),
+            is_unstamped: events.as_ref().is_some_and(is_now),
+            events,
         };
         if messages.send(Heard::Message(message)).is_err() {
             return;

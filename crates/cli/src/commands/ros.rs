@@ -5,6 +5,7 @@ use std::sync::{Arc, PoisonError};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use northing_evaluation::attitude::EstimatorKind;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions, run_navigation};
 use northing_evaluation::{Origin, RunEstimator, RunOptions, UsedParameter, run_live};
 use northing_recording::mcap::Role;
@@ -17,7 +18,7 @@ use northing_ros::{
 use crate::arguments::settings::SettingArgs;
 use crate::files::output::print;
 use crate::interrupt;
-use crate::text::{attitude, navigation};
+use crate::text::{advice, attitude, navigation};
 
 /// Arguments of `ros`.
 #[derive(Debug, Args)]
@@ -26,8 +27,8 @@ use crate::text::{attitude, navigation};
                   sensor_msgs/Imu, MagneticField, NavSatFix and FluidPressure and to the velocity of a receiver, and publishes /imu/data \
                   (orientation with covariance), /tf, with a navigation estimator /odometry and /gps/filtered, and \
                   /diagnostics once a second. Axes are those of REP 103: the world east, north, up, the sensors forward, \
-                  left, up. Stamps are those of the messages, so simulated time needs nothing. Ctrl-C ends it and prints \
-                  what a run over a recording prints.",
+                  left, up. Stamps are those of the messages, so simulated time needs nothing; a message with a stamp of 0 has the time \
+                  of its arrival. Ctrl-C ends it and prints what a run over a recording prints.",
     after_help = "\
 Examples:
   northing ros                                             # /imu/data_raw in, /imu/data and /tf out
@@ -187,19 +188,40 @@ impl RosArgs {
         }
     }
 
-    fn attitude(
-        &self,
-        kind: Option<northing_evaluation::EstimatorKind>,
-        set: &[String],
-    ) -> Result<Asked> {
+    fn attitude(&self, kind: Option<EstimatorKind>, set: &[String]) -> Result<Asked> {
         let mut options = self.settings.options(kind)?;
         self.settings.check_effect(options.estimator)?;
+        self.check_attitude(options.estimator)?;
         for setting in set {
             options.set(setting)?;
         }
         options.world_frame = AXES.world;
         options.check()?;
         Ok(Asked::Attitude(Box::new(options)))
+    }
+
+    /// Refuses what an estimator of the attitude would leave unsaid.
+    fn check_attitude(&self, kind: EstimatorKind) -> Result<()> {
+        if kind == EstimatorKind::Device {
+            bail!(
+                "`device` is the orientation that a device states itself, which the node would only repeat; choose an estimator, e.g. \
+                 --estimator mekf (`northing estimators` lists them)"
+            );
+        }
+        let of_navigation = [
+            ("--fix", &self.fix),
+            ("--velocity", &self.velocity),
+            ("--pressure", &self.pressure),
+        ];
+        let named = of_navigation.into_iter().find(|(_, topic)| topic.is_some());
+        if let Some((option, _)) = named {
+            bail!(
+                "{option}: `{}` estimates the attitude and does not listen to it; leave {option} out, or choose --estimator error-state \
+                 or axis-filters",
+                kind.name()
+            );
+        }
+        Ok(())
     }
 
     /// What an estimator listens to.
@@ -324,7 +346,9 @@ pub(crate) fn execute(args: &RosArgs) -> Result<()> {
 /// One run, to the end or until the clock goes back: why it ended, and its summary if there were estimates.
 fn run(args: &RosArgs, asked: &Asked, node: &Node) -> Result<(Ended, Option<String>)> {
     let is_stopped = || interrupt::happened();
-    let mut messages = Messages::new(node, &is_stopped);
+    // Where nobody reads the console, diagnostics and summary say it, too.
+    let tell = |sentence: &str| drop(print(&format!("{sentence}\n")));
+    let mut messages = Messages::new(node, &is_stopped).telling(&tell);
     let told = match asked {
         Asked::Attitude(options) => {
             let mut publisher = AttitudePublisher::new(node, &args.frames());
@@ -334,13 +358,13 @@ fn run(args: &RosArgs, asked: &Asked, node: &Node) -> Result<(Ended, Option<Stri
                 ..(**options).clone()
             };
             let summary = run_live(messages, &options, &mut publisher)?;
-            (summary.estimates > 0).then(|| attitude::describe(&summary))
+            (summary.estimates > 0).then(|| attitude::describe_with(&summary, &of_this_command))
         }
         Asked::Navigation(options) => {
             let mut publisher = NavigationPublisher::new(node, &args.frames(), args.rate);
             let events = messages.by_ref().flatten().map(Ok::<_, Infallible>);
             match run_navigation(events, node.name(), AXES, options, &mut publisher) {
-                Ok(summary) => Some(navigation::describe(&summary)),
+                Ok(summary) => Some(navigation::describe_with(&summary, &of_this_command)),
                 // It was ended by the user, and what was heard until then is not enough.
                 Err(error) if messages.ended().is_some() => Some(format!("No position: {error}")),
                 Err(error) => return Err(error).context(node.name().to_owned()),
@@ -348,4 +372,14 @@ fn run(args: &RosArgs, asked: &Asked, node: &Node) -> Result<(Ended, Option<Stri
         }
     };
     Ok((messages.ended().unwrap_or(Ended::Stopped), told))
+}
+
+/// A text of a run without advice that names options of other commands.
+fn of_this_command(text: &str) -> String {
+    let command = RosArgs::augment_args(clap::Command::new("ros"));
+    let names: Vec<&str> = command
+        .get_arguments()
+        .filter_map(clap::Arg::get_long)
+        .collect();
+    advice::fitting(text, &|name| names.contains(&name))
 }

@@ -12,6 +12,11 @@ use crate::text::used;
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &RunSummary) -> String {
+    describe_with(summary, &str::to_owned)
+}
+
+/// The same with every text of it changed.
+pub(crate) fn describe_with(summary: &RunSummary, change: &dyn Fn(&str) -> String) -> String {
     let mut sheet = Sheet::default();
     errors(&mut sheet, summary);
     if let Some(nees) = &summary.nees {
@@ -55,6 +60,7 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     sheet.parameters(&summary.parameters);
     sheet.sentences("unobservable", &summary.unobservable);
     sheet.sentences("recording", &summary.issues);
+    sheet.change(change);
     format!("{}\n\n{}", title(summary), sheet.render())
 }
 

@@ -1,5 +1,7 @@
 //! Outcomes as text for people.
 
+#[cfg(feature = "ros")]
+pub(crate) mod advice;
 pub(crate) mod attitude;
 pub(crate) mod exercise;
 pub(crate) mod navigation;

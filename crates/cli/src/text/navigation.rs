@@ -10,6 +10,14 @@ use crate::text::used;
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &NavigationSummary) -> String {
+    describe_with(summary, &str::to_owned)
+}
+
+/// The same with every text of it changed.
+pub(crate) fn describe_with(
+    summary: &NavigationSummary,
+    change: &dyn Fn(&str) -> String,
+) -> String {
     let mut sheet = Sheet::default();
     sheet.row("position", position(summary));
     if let Some(velocity) = summary.velocity_rmse_m_s {
@@ -67,6 +75,7 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
     }
     sheet.parameters(&summary.parameters);
     sheet.sentences("recording", &summary.issues);
+    sheet.change(change);
     let smoothed = if summary.smoothed { ", smoothed" } else { "" };
     format!(
         "{}: {}{smoothed} over {:.1} s, {} inertial samples, {} of {} fixes used\n\n{}",

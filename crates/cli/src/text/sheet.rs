@@ -51,6 +51,14 @@ impl Sheet {
         }
     }
 
+    /// Changes every text; rows of which nothing is left are gone.
+    pub(crate) fn change(&mut self, change: &dyn Fn(&str) -> String) {
+        for (_, words) in &mut self.rows {
+            *words = change(words);
+        }
+        self.rows.retain(|(_, words)| !words.is_empty());
+    }
+
     /// The text, indented by two.
     pub(crate) fn render(&self) -> String {
         let labels = self

@@ -255,6 +255,26 @@ fn all_zero_vectors_are_skipped() {
     assert!(json["updates"]["magnetometer"]["skipped"].as_u64().unwrap() >= 900);
 }
 
+/// What a node could only start with and never do.
+#[cfg(feature = "ros")]
+#[test]
+fn what_a_node_would_leave_unsaid() {
+    let lab = Lab::new();
+    let refused = lab.refuses(&["ros", "--estimator", "device"]);
+    contains(&refused, &["`device`", "--estimator mekf"]);
+    for option in ["--fix", "--velocity", "--pressure"] {
+        let refused = lab.refuses(&["ros", "--estimator", "mekf", option, "/gps/it"]);
+        contains(
+            &refused,
+            &[
+                option,
+                "`mekf` estimates the attitude",
+                "--estimator error-state",
+            ],
+        );
+    }
+}
+
 #[test]
 fn degrees_where_radians_belong() {
     let message = refused(rocking(1_f64.to_degrees(), 1.0));

@@ -5,6 +5,8 @@ use nalgebra::Vector3;
 /// Weakest and strongest field on Earth, microtesla, and what is still let pass: sensors err.
 const EARTH_UT: [f64; 2] = [22.0, 67.0];
 const LET_PASS_UT: [f64; 2] = [18.0, 75.0];
+/// What no magnetometer beside an inertial sensor can measure, microtesla.
+const RANGE_UT: f64 = 5000.0;
 /// Fewer samples say nothing.
 const FEWEST: u64 = 50;
 /// A device that turns slower than this rests, rad/s: biases are smaller.
@@ -126,6 +128,15 @@ impl FieldWatch {
             return sentences;
         }
         let mean = self.strength_sum / self.samples as f64;
+        if mean > RANGE_UT {
+            // Nothing that its numbers say of magnets is of use.
+            sentences.push(format!(
+                "The magnetic field is {mean:.0} microtesla strong on average; on Earth it is {:.0} to {:.0}, and magnetometers of \
+                 phones and inertial units end at {RANGE_UT:.0}: the numbers are of another unit.",
+                EARTH_UT[0], EARTH_UT[1]
+            ));
+            return sentences;
+        }
         if !(LET_PASS_UT[0]..=LET_PASS_UT[1]).contains(&mean) {
             let is_milligauss = (10.0 * EARTH_UT[0]..=10.0 * EARTH_UT[1]).contains(&mean);
             let unit = if is_milligauss {
@@ -167,6 +178,17 @@ mod tests {
             watch.field(t, &Vector3::new(0.0, 0.0, field(k)));
         }
         watch.sentences()
+    }
+
+    #[test]
+    fn a_field_that_no_sensor_measures_is_of_another_unit_and_no_magnet() {
+        let [said] = &watched(|_| 4.8e7, 1.0)[..] else {
+            panic!("one sentence");
+        };
+        assert!(
+            said.contains("another unit") && !said.contains("magnet or iron"),
+            "{said}"
+        );
     }
 
     #[test]
