@@ -326,7 +326,7 @@ fn random_scenes_print_tables_or_one_document_and_are_saved_for_track() {
             "The worst:",
         ],
     );
-    std::fs::create_dir(lab.path("scenes")).unwrap();
+    // The folder is made.
     let one = lab.json(&with(&["--world", "5", "--save", "scenes", "--json"]));
     assert_eq!(one["description"]["class"], "boats");
     let cutoff = one["description"]["cutoff_m"].as_f64().unwrap();
@@ -347,8 +347,16 @@ fn random_scenes_print_tables_or_one_document_and_are_saved_for_track() {
         &["boats-5_scans.csv"],
     );
     contains(
-        &lab.refuses(&with(&["--world", "5", "--save", "nowhere"])),
-        &["--save nowhere", "no such folder"],
+        &lab.refuses(&with(&["--world", "5", "--save", "nowhere/scenes"])),
+        &[
+            "--save nowhere/scenes",
+            "`nowhere` does not exist",
+            "make it first",
+        ],
+    );
+    contains(
+        &lab.refuses(&with(&["--world", "5", "--save", "scenes/boats-5.toml"])),
+        &["--save scenes/boats-5.toml: not a folder"],
     );
     contains(
         &lab.refuses(&with(&["--class", "submarines"])),

@@ -481,3 +481,23 @@ fn json(parameter: &str, value: &toml::Value) -> Result<Json, String> {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{SourceEntries, StudyFile};
+
+    /// What the page shows is taken as it stands.
+    #[test]
+    fn the_sources_of_the_page_are_read() {
+        let page = include_str!("../../../../docs/studies.md");
+        let section = page.split("## Sources").nth(1).unwrap();
+        let shown = section.split("```toml").nth(1).unwrap();
+        let shown = shown.split("```").next().unwrap();
+        let study = format!("question = \"attitude\"\nestimators = [\"mekf\"]\n{shown}");
+        let study = StudyFile::parse("study.toml", &study).unwrap();
+        let SourceEntries::Recordings { entries, .. } = &study.sources else {
+            panic!("{:?}", study.sources);
+        };
+        assert_eq!(entries.len(), 2);
+    }
+}

@@ -43,7 +43,7 @@ pub(super) struct TrackingWorldsArgs {
     /// One scene: what it has, and what each tracker made of it
     #[arg(long, value_name = "NUMBER", conflicts_with_all = ["worlds", "first", "class"])]
     world: Option<u64>,
-    /// Write the scenes into this folder, as manifests with tables that `northing track` reads
+    /// Write the scenes into this folder, which is made if need be, as manifests with tables that `northing track` reads
     #[arg(long, value_name = "DIR")]
     save: Option<PathBuf>,
     /// Replace files that are there already
@@ -56,14 +56,7 @@ pub(super) struct TrackingWorldsArgs {
 
 /// Runs the scenes, or one.
 pub(super) fn execute(args: &TrackingWorldsArgs) -> Result<()> {
-    if let Some(folder) = &args.save
-        && !folder.is_dir()
-    {
-        bail!(
-            "--save {}: there is no such folder; make it first",
-            folder.display()
-        );
-    }
+    args.save.as_deref().map_or(Ok(()), check_folder)?;
     let seed = args.numbers.seed;
     if let Some(number) = args.world {
         save(args, &[number])?;
@@ -90,11 +83,33 @@ pub(super) fn execute(args: &TrackingWorldsArgs) -> Result<()> {
     }
 }
 
+/// Refuses a folder that is not there and cannot be made, before anything is run.
+fn check_folder(folder: &Path) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        bail!("--save {}: not a folder", folder.display());
+    }
+    let parent = folder
+        .parent()
+        .filter(|parent| !parent.as_os_str().is_empty());
+    if let Some(parent) = parent.filter(|parent| !folder.exists() && !parent.is_dir()) {
+        bail!(
+            "--save {}: the folder `{}` does not exist; make it first",
+            folder.display(),
+            parent.display()
+        );
+    }
+    Ok(())
+}
+
 /// Writes the scenes where that is asked for.
 fn save(args: &TrackingWorldsArgs, numbers: &[u64]) -> Result<()> {
     let Some(folder) = &args.save else {
         return Ok(());
     };
+    if !folder.exists() {
+        std::fs::create_dir(folder)
+            .with_context(|| format!("--save {}: cannot make it", folder.display()))?;
+    }
     let one = |number: &u64| write_one(args.numbers.seed, *number, folder, args.force);
     numbers.iter().try_for_each(one)
 }
