@@ -305,6 +305,34 @@ fn faults_print_a_table_or_one_document_and_a_report() {
         &lab.refuses(&with(&["--estimator", "mekf", "--kind", "fix-10km-off"])),
         &["none of these faults concerns one of these estimators"],
     );
+    // A named recording on which nothing would be run is not left out without a word.
+    let fixes: String = (0..2000)
+        .map(|k| {
+            let fix = if k % 20 == 0 { "0.7,0.1,300" } else { ",," };
+            format!("{:.2},0.1,0,0,0,0,9.81,{fix}\n", 0.05 * f64::from(k))
+        })
+        .collect();
+    let header = "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,gnss_latitude_rad,\
+                  gnss_longitude_rad,gnss_height_m";
+    lab.write(
+        "drive.csv",
+        format!("# world_frame: ned\n{header}\n{fixes}"),
+    );
+    for (asked, expected) in [
+        (
+            ["--estimator", "mekf"],
+            "drive: it has fixes, so estimators of the position run on it",
+        ),
+        (
+            ["--kind", "magnetometer-spike"],
+            "drive: none of the faults that --kind names can be laid over it",
+        ),
+    ] {
+        contains(
+            &lab.refuses(&with(&[&["drive.csv"][..], &asked].concat())),
+            &[expected],
+        );
+    }
     contains(
         &lab.refuses(&["experiment", "faults", "--runs", "0"]),
         &["--runs is 0, expected from 1 to 1000"],

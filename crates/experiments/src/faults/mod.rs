@@ -219,6 +219,31 @@ impl Campaign {
         })
     }
 
+    /// Why nothing would be run on a recording: none of the estimators is of its question, or none of the faults is of what it
+    /// holds.
+    #[must_use]
+    pub fn without_run(&self, stream: &Stream) -> Option<String> {
+        if self.of(stream.question).is_empty() {
+            let (has, wanted, name) = match stream.question {
+                Question::Navigation => ("fixes", "position", NavigationKind::ErrorState.name()),
+                _ => ("no fixes", "attitude", EstimatorKind::Mekf.name()),
+            };
+            return Some(format!(
+                "it has {has}, so estimators of the {wanted} run on it, and --estimator names none; add one, e.g. {name}, or \
+                 leave --estimator or the recording out"
+            ));
+        }
+        if self.faults.iter().any(|fault| applies(fault, stream)) {
+            return None;
+        }
+        let known = CATALOGUE.iter().filter(|fault| applies(fault, stream));
+        let known: Vec<_> = known.map(|fault| fault.name).collect();
+        Some(format!(
+            "none of the faults that --kind names can be laid over it; expected one of {}",
+            known.join(", ")
+        ))
+    }
+
     fn of(&self, question: Question) -> Vec<Subject> {
         let of_question = |subject: &&Subject| subject.question() == question;
         self.subjects.iter().filter(of_question).copied().collect()

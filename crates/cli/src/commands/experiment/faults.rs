@@ -107,7 +107,25 @@ fn asked(args: &FaultsArgs) -> Result<Campaign> {
         campaign.faults.clone_from(&args.kind);
     }
     campaign.recordings = recorded(args)?;
+    leave_out(&mut campaign, args)?;
     Ok(campaign)
+}
+
+/// Refuses recordings on which nothing would be run; of folders those that are left are enough.
+fn leave_out(campaign: &mut Campaign, args: &FaultsArgs) -> Result<()> {
+    let mut recordings = std::mem::take(&mut campaign.recordings);
+    let told = recordings.iter().find_map(|stream| {
+        let why = campaign.without_run(stream)?;
+        Some(format!("{}: {why}", stream.name))
+    });
+    recordings.retain(|stream| campaign.without_run(stream).is_none());
+    if let Some(told) = told
+        && (!args.recordings.is_empty() || recordings.is_empty())
+    {
+        bail!(told);
+    }
+    campaign.recordings = recordings;
+    Ok(())
 }
 
 /// The recordings that are named, or of each folder at most so many as there are runs, spread evenly.
