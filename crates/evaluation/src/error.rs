@@ -253,6 +253,19 @@ pub enum EvaluationError {
         /// The estimator.
         estimator: &'static str,
     },
+    /// Noise parameters were to be fitted to predictions that the fitted part of the recording is too short for.
+    #[error(
+        "no innovation of the fitted part comes behind a prediction of {prediction_s} s: the first one would end after four \
+         times that, and the fitted part lasts {fitted_s:.1} s; predict for less than {:.1} s (--prediction), or fit to a longer \
+         recording",
+        (fitted_s * 2.5).floor() / 10.0
+    )]
+    PredictionTooLong {
+        /// Seconds of gyroscope alone that were asked for.
+        prediction_s: f64,
+        /// How long the part lasts that the fit sees, s.
+        fitted_s: f64,
+    },
     /// The system started no thread.
     #[error("the system starts no thread: {problem}")]
     NoThread {

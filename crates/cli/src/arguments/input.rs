@@ -57,6 +57,11 @@ pub(crate) struct DataArgs {
 }
 
 impl InputArgs {
+    /// Whether another file was named to score against.
+    pub(crate) fn has_reference(&self) -> bool {
+        self.reference.is_some()
+    }
+
     /// The longest pause of the gyroscope that is no gap, s.
     pub(crate) fn gap_limit_s(&self) -> f64 {
         self.gap_limit

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
 use northing_evaluation::tune::{TuneOptions, TuneOutcome, TunedParameter, attitude, navigation};
@@ -53,9 +53,9 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "SHARE", default_value = "0.6", value_parser = share)]
     fit: f64,
     /// Of an attitude estimator: judge innovations after so many seconds of gyroscope alone; errors of a sensor that last
-    /// shorter than that are not taken for motion
-    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = positive_seconds)]
-    prediction: f64,
+    /// shorter than that are not taken for motion [default: 3]
+    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds)]
+    prediction: Option<f64>,
     /// Write the parameters as a file for --config
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -129,11 +129,12 @@ fn fit(
     let events: Vec<Event> = recording
         .watched(|| !happened())
         .collect::<Result<_, _>>()?;
+    let usual = TuneOptions::default();
     let asked = TuneOptions {
         parameters: args.parameters.clone(),
         fitted_share: args.fit,
-        prediction_s: args.prediction,
-        ..TuneOptions::default()
+        prediction_s: args.prediction.unwrap_or(usual.prediction_s),
+        ..usual
     };
     let progress = std::sync::Mutex::new(Progress::of_stream("fitting"));
     let go_on = || {
@@ -165,6 +166,13 @@ impl Ready {
     fn new(args: &TuneArgs, estimator: Option<RunEstimator>, metadata: &Metadata) -> Result<Self> {
         let kind = match estimator {
             Some(RunEstimator::Navigation(kind)) => {
+                if args.prediction.is_some() {
+                    bail!(
+                        "--prediction has no effect on `{}`, whose innovations are judged as they come; it is of attitude \
+                         estimators",
+                        kind.name()
+                    );
+                }
                 let mut options = NavigationOptions::of_recording(kind, metadata);
                 args.settings.navigation_parameters(&mut options)?;
                 return Ok(Self::Navigation(Box::new(options)));
@@ -204,6 +212,8 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
     ];
     let verdict = if outcome.over_fits {
         "It over-fits: the held-out part has become less likely. Do not use these parameters on other recordings."
+    } else if gained[1] > 0.0 && outcome.is_worse_at_reference() {
+        "The held-out part has become more likely, too, but the error against the reference has become larger."
     } else if gained[1] > 0.0 {
         "It holds: the held-out part has become more likely, too."
     } else {
@@ -219,20 +229,7 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
         ),
         "  ",
     ));
-    if let Some([before, after]) = outcome.reference_error_deg {
-        let against = if after > before {
-            " The more likely parameters are the worse ones here: errors that last look like noise to the likelihood."
-        } else {
-            ""
-        };
-        text.push_str(&paragraph(
-            &format!(
-                "Against the recording's reference, which the fit does not see: RMSE {before:.2} deg before, \
-                 {after:.2} deg after.{against}"
-            ),
-            "  ",
-        ));
-    }
+    text.push_str(&against_reference(outcome, args.input.has_reference()));
     if let Some(out) = &args.out {
         text.push_str(&format!(
             "\nUse it with\n  {} run {name} --config {}\n",
@@ -241,6 +238,35 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
         ));
     }
     text
+}
+
+/// The errors before and after, where there is a reference; that there is none where one was asked for.
+fn against_reference(outcome: &TuneOutcome, is_asked: bool) -> String {
+    let errors = outcome.reference_error_deg.map(|errors| (errors, "deg"));
+    let errors = errors.or(outcome.reference_error_m.map(|errors| (errors, "m")));
+    let Some(([before, after], unit)) = errors else {
+        return match is_asked {
+            true => paragraph(
+                "The reference was of no use: the estimator was not scored at it (an attitude estimator is at orientations, a \
+                 navigation estimator at positions).",
+                "  ",
+            ),
+            false => String::new(),
+        };
+    };
+    let against = match after > before {
+        true => {
+            " The more likely parameters are the worse ones here: errors that last look like noise to the likelihood."
+        }
+        false => "",
+    };
+    paragraph(
+        &format!(
+            "Against the recording's reference, which the fit does not see: RMSE {before:.2} {unit} before, {after:.2} {unit} \
+             after.{against}"
+        ),
+        "  ",
+    )
 }
 
 /// The parameters as a file for `--config`.

@@ -302,6 +302,39 @@ fn noise_is_fitted_written_and_used() {
         &["unknown parameter `colour`", "gyroscope_noise_density"],
     );
     lab.refuses(&["tune", "car.toml", "--fit", "2"]);
+    let message = lab.refuses(&["tune", "car.toml", "--prediction", "2"]);
+    contains(
+        &message,
+        &[
+            "--prediction has no effect on `error-state`",
+            "attitude estimators",
+        ],
+    );
+}
+
+#[test]
+fn a_tune_says_what_became_of_the_error_against_another_files_reference() {
+    let lab = with_car();
+    let tune = |reference: &'static str| {
+        lab.succeeds(&[
+            "tune",
+            "car.toml",
+            "--estimator",
+            "dead-reckoning",
+            "--parameters",
+            "velocity_random_walk",
+            "--reference",
+            reference,
+        ])
+    };
+    lab.succeeds(&["convert", "car.toml", "car.csv"]);
+    // The fixes themselves, to which the last fix is nearest.
+    contains(&tune("car.csv"), &["the reference", "m before,"]);
+    lab.write(
+        "turns.csv",
+        "# world_frame: ned\nt_s,ref_qw,ref_qx,ref_qy,ref_qz\n0,1,0,0,0\n1,1,0,0,0\n2,1,0,0,0\n",
+    );
+    contains(&tune("turns.csv"), &["The reference was of no use"]);
 }
 
 #[test]

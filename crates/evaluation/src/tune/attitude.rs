@@ -29,6 +29,7 @@ pub fn tune(
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<TuneOutcome, EvaluationError> {
     let split_ns = split_ns(events, asked.fitted_share);
+    check_length(events, asked, split_ns)?;
     let blind = Blind::all(events, asked.prediction_s);
     let judge = |values: &[(&str, f64)]| {
         let options = with(options, values)?;
@@ -75,6 +76,25 @@ pub fn tune(
         outcome.reference_error_deg = Some([before, after]);
     }
     Ok(outcome)
+}
+
+/// Refuses predictions of which none ends in the part that is fitted: the first two spans hide nothing, and the first one that
+/// does lasts from three to four times its length ([`Blind::covers`]).
+fn check_length(
+    events: &[Event],
+    asked: &TuneOptions,
+    split_ns: i64,
+) -> Result<(), EvaluationError> {
+    let first_ns = events.first().map_or(split_ns, |event| event.time_ns);
+    let fitted_s = split_ns.saturating_sub(first_ns) as f64 * 1e-9;
+    let prediction_s = asked.prediction_s;
+    if prediction_s > 0.0 && 4.0 * prediction_s >= fitted_s {
+        return Err(EvaluationError::PredictionTooLong {
+            prediction_s,
+            fitted_s,
+        });
+    }
+    Ok(())
 }
 
 /// The options with other values.
@@ -218,6 +238,28 @@ mod tests {
         assert_eq!(outcome.without_effect, ["compass_std"]);
         assert_eq!(outcome.parameters.len(), 1);
         assert_eq!(outcome.parameters[0].name, "accelerometer_std");
+    }
+
+    #[test]
+    fn a_prediction_longer_than_the_fitted_part_is_refused_as_such() {
+        let options = RunOptions::new(EstimatorKind::BoundedVelocity, Profile::HandHeld);
+        let tuned = |prediction_s: f64| {
+            let asked = TuneOptions {
+                prediction_s,
+                ..asked(&["gyroscope_noise_density"])
+            };
+            tune(&phone(60.0), &options, &asked, &|| true)
+        };
+        // 36 s are fitted.
+        for too_long in [1000.0, 9.1] {
+            let message = tuned(too_long).unwrap_err().to_string();
+            assert!(
+                message.contains(&format!("a prediction of {too_long} s"))
+                    && message.contains("less than 9.0 s (--prediction)"),
+                "{message}"
+            );
+        }
+        assert!(tuned(8.0).is_ok());
     }
 
     #[test]

@@ -114,6 +114,19 @@ pub struct TuneOutcome {
     /// Root mean square of the attitude error, deg, before and after, of an attitude estimator over a recording with
     /// a reference. The fit does not see it.
     pub reference_error_deg: Option<[f64; 2]>,
+    /// Root mean square of the horizontal position error, m, before and after, of a navigation estimator over a recording with
+    /// reference positions. The fit does not see them.
+    pub reference_error_m: Option<[f64; 2]>,
+}
+
+impl TuneOutcome {
+    /// Whether the error against the reference is larger with the fitted parameters than with those from before.
+    #[must_use]
+    pub fn is_worse_at_reference(&self) -> bool {
+        let errors = [self.reference_error_deg, self.reference_error_m];
+        let mut errors = errors.into_iter().flatten();
+        errors.any(|[before, after]| after > before)
+    }
 }
 
 /// An estimator to be fitted: its parameters with their values, and runs with other values.
@@ -152,6 +165,7 @@ impl Fit<'_> {
             runs: search.runs(),
             over_fits: after.held_out > before.held_out + NOISE_OF_LIKELIHOOD,
             reference_error_deg: None,
+            reference_error_m: None,
         })
     }
 

@@ -1,7 +1,7 @@
 //! The fit of a navigation estimator.
 
 use northing_core::kalman::Innovation;
-use northing_recording::{Event, Frames};
+use northing_recording::{Event, Frames, SensorKind};
 
 use super::likelihood::{Likelihood, split_ns};
 use super::{Fit, TuneOptions, TuneOutcome};
@@ -27,11 +27,7 @@ pub fn tune(
     let frames = frames.into();
     let split_ns = split_ns(events, asked.fitted_share);
     let judge = |values: &[(&str, f64)]| {
-        let mut options = options.clone();
-        for (name, value) in values {
-            let setting = format!("{name}={value:e}");
-            options.parameters.set(options.estimator, &setting)?;
-        }
+        let options = with(options, values)?;
         let mut observer = Measured(Likelihood::new(split_ns));
         let events = events
             .iter()
@@ -47,7 +43,43 @@ pub fn tune(
         rows: &options.parameters.rows(options.estimator),
         judge: &judge,
     };
-    fit.make(asked)
+    let mut outcome = fit.make(asked)?;
+    let fitted = outcome.parameters.iter();
+    let fitted: Vec<_> = fitted.map(|p| (p.name.as_str(), p.after)).collect();
+    let errors = [
+        error_m(events, frames, options),
+        error_m(events, frames, &with(options, &fitted)?),
+    ];
+    if let [Some(before), Some(after)] = errors {
+        outcome.reference_error_m = Some([before, after]);
+    }
+    Ok(outcome)
+}
+
+/// The options with other values.
+fn with(
+    options: &NavigationOptions,
+    values: &[(&str, f64)],
+) -> Result<NavigationOptions, EvaluationError> {
+    let mut options = options.clone();
+    for (name, value) in values {
+        let setting = format!("{name}={value:e}");
+        options.parameters.set(options.estimator, &setting)?;
+    }
+    Ok(options)
+}
+
+/// RMSE of the horizontal position, m, where there are reference positions.
+fn error_m(events: &[Event], frames: Frames, options: &NavigationOptions) -> Option<f64> {
+    let is_reference = |event: &Event| event.sample.kind() == SensorKind::ReferencePosition;
+    if !events.iter().any(is_reference) {
+        return None;
+    }
+    let events = events
+        .iter()
+        .map(|event| Ok::<_, std::convert::Infallible>(*event));
+    let summary = run_navigation(events, "", frames, options, &mut ()).ok()?;
+    summary.position.map(|score| score.horizontal_rmse_m)
 }
 
 /// The innovations of measurements.
@@ -119,6 +151,47 @@ mod tests {
         assert!(outcome.after.fitted < outcome.before.fitted - 0.1);
         assert!(outcome.after.held_out < outcome.before.held_out - 0.1);
         assert!(!outcome.over_fits && outcome.runs > 4);
+    }
+
+    /// A reference is not fitted to, but what the fit does to the error is told; one that contradicts the fixes says so.
+    #[test]
+    fn the_error_against_a_reference_is_told_before_and_after() {
+        let mut options = NavigationOptions {
+            estimator: NavigationKind::DeadReckoning,
+            ..NavigationOptions::default()
+        };
+        options.parameters.dead_reckoning.velocity_random_walk = 3.0;
+        let asked = TuneOptions {
+            parameters: vec!["velocity_random_walk".to_owned()],
+            ..TuneOptions::default()
+        };
+        let fixes = events(7, 4.0);
+        let with = |of: fn(GnssPosition) -> GnssPosition| -> Vec<Event> {
+            let both = fixes.iter().flat_map(|event| {
+                let Sample::GnssPosition(fix) = event.sample else {
+                    return vec![*event];
+                };
+                let sample = Sample::ReferencePosition(of(fix));
+                vec![*event, Event { sample, ..*event }]
+            });
+            both.collect()
+        };
+        let tuned =
+            |events: &[Event]| tune(events, WorldFrame::Ned, &options, &asked, &|| true).unwrap();
+        assert_eq!(tuned(&fixes).reference_error_m, None);
+        // The straight course itself: a smaller walk is nearer to it.
+        let course = tuned(&with(|fix| GnssPosition {
+            longitude_rad: 0.1,
+            ..fix
+        }));
+        let [before, after] = course.reference_error_m.unwrap();
+        assert!(
+            after < before && !course.is_worse_at_reference(),
+            "{before} {after}"
+        );
+        // The fixes themselves: a larger walk is nearer to them.
+        let noise = tuned(&with(|fix| fix));
+        assert!(noise.after.held_out < noise.before.held_out && noise.is_worse_at_reference());
     }
 
     #[test]
