@@ -87,13 +87,21 @@ impl GnssQuality {
 }
 
 impl GnssPosition {
+    /// Whether latitude and longitude are both exactly 0, as tables and receivers write where they have no fix. (A receiver that
+    /// crosses the place on the equator would have to hit it to all digits.)
+    #[must_use]
+    pub fn is_at_zero(&self) -> bool {
+        self.latitude_rad == 0.0 && self.longitude_rad == 0.0
+    }
+
     /// Whether it may be used as a measurement: not [`GnssQuality::Invalid`] nor
-    /// [`GnssQuality::Estimated`], on the Earth, and every number that is there is finite.
+    /// [`GnssQuality::Estimated`], on the Earth and not [at zero](Self::is_at_zero), and every number that is there is finite.
     #[must_use]
     pub fn is_usable(&self) -> bool {
         use std::f64::consts::{FRAC_PI_2, TAU};
         !matches!(self.quality, GnssQuality::Invalid | GnssQuality::Estimated)
             && self.is_finite()
+            && !self.is_at_zero()
             && self.latitude_rad.abs() <= FRAC_PI_2
             && self.longitude_rad.abs() <= TAU
     }
@@ -122,6 +130,15 @@ impl GnssVelocity {
             down_m_s: None,
             std_m_s: None,
         }
+    }
+
+    /// Whether every component that is there is exactly 0.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        let down = self.down_m_s.unwrap_or(0.0);
+        [self.north_m_s, self.east_m_s, down]
+            .iter()
+            .all(|x| *x == 0.0)
     }
 
     /// Whether every number that is there is finite.
@@ -166,6 +183,11 @@ mod tests {
             },
             GnssPosition {
                 longitude_rad: 6.3,
+                ..good
+            },
+            GnssPosition {
+                latitude_rad: 0.0,
+                longitude_rad: -0.0,
                 ..good
             },
             GnssPosition {

@@ -131,9 +131,14 @@ pub struct Recording {
     /// An error or the end met while the current instant was gathered.
     ending: Option<Ending>,
     delivered: u64,
+    /// Stamp of the last fix that stands for none.
+    at_zero_ns: Option<i64>,
     /// A gyroscope or a satellite receiver has spoken: without either nothing can be estimated.
     can_be_estimated: bool,
 }
+
+/// Completes "Left out: 3 ...".
+const AT_ZERO: &str = "position(s) whose latitude and longitude are both exactly 0, as is written where there is no fix";
 
 enum Ending {
     End,
@@ -183,6 +188,7 @@ impl Recording {
             pending: None,
             ending: None,
             delivered: 0,
+            at_zero_ns: None,
             can_be_estimated: false,
         }
     }
@@ -217,8 +223,7 @@ impl Recording {
                 Err(error) => return self.ending = Some(Ending::Error(error)),
             };
             self.scale.apply(&mut event.sample);
-            if is_invalid_fix(&event.sample) {
-                Issues::count(&mut self.issues.invalid_fixes, event.sample.kind());
+            if self.is_no_fix(&event) {
                 continue;
             }
             match self.timeline.admit(&event, &mut self.issues, &self.file) {
@@ -227,6 +232,28 @@ impl Recording {
                 Ok(false) => {}
                 Err(error) => return self.ending = Some(Ending::Error(error)),
             }
+        }
+    }
+
+    /// Whether it is a fix that the receiver itself calls invalid, or one that stands for none, or the velocity that comes with
+    /// that; counted, and nobody gets to see it.
+    fn is_no_fix(&mut self, event: &Event) -> bool {
+        match &event.sample {
+            Sample::GnssPosition(fix) | Sample::ReferencePosition(fix) => {
+                if fix.quality == GnssQuality::Invalid {
+                    Issues::count(&mut self.issues.invalid_fixes, event.sample.kind());
+                    return true;
+                }
+                if fix.is_at_zero() {
+                    self.issues.reject(AT_ZERO);
+                    self.at_zero_ns = Some(event.time_ns);
+                }
+                fix.is_at_zero()
+            }
+            Sample::GnssVelocity(velocity) => {
+                self.at_zero_ns == Some(event.time_ns) && velocity.is_zero()
+            }
+            _ => false,
         }
     }
 
@@ -310,16 +337,6 @@ impl fmt::Debug for Recording {
             .field("sensors", &self.sensors)
             .field("issues", &self.issues)
             .finish_non_exhaustive()
-    }
-}
-
-/// Whether it is a fix that the receiver itself calls invalid: nobody gets to see it.
-fn is_invalid_fix(sample: &Sample) -> bool {
-    match sample {
-        Sample::GnssPosition(fix) | Sample::ReferencePosition(fix) => {
-            fix.quality == GnssQuality::Invalid
-        }
-        _ => false,
     }
 }
 

@@ -161,6 +161,8 @@ struct Counts {
     fixes_ns: Span,
     /// Fixes that state a standard deviation that is not above zero.
     zero_std: u64,
+    /// Smallest and largest standard deviation that the fixes it got state horizontally, m.
+    stated_std_m: Option<[f64; 2]>,
     /// Fixes that the estimator got.
     given: u64,
     /// Those of them that changed its state, or will.
@@ -170,6 +172,14 @@ struct Counts {
     validity: ValidityTimes,
     last_validity_ns: Option<i64>,
     scored_at_reference: bool,
+}
+
+impl Counts {
+    /// A fix that was given states a standard deviation, m.
+    fn states(&mut self, std_m: f64) {
+        let [least, most] = self.stated_std_m.unwrap_or([std_m; 2]);
+        self.stated_std_m = Some([least.min(std_m), most.max(std_m)]);
+    }
 }
 
 /// The first and the last stamp of something.

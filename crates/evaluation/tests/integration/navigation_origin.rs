@@ -136,7 +136,7 @@ fn a_stale_first_fix_does_not_move_the_origin() {
         check_counts(&clean);
         assert_eq!(clean.issues, Vec::<String>::new());
         let clean = clean.position.unwrap().horizontal_rmse_m;
-        for (stale, km) in [(place(0.0, 0.0), "5,"), (place(40.7, -74.0), "6,")] {
+        for (stale, km) in [(place(0.01, 0.01), "5,"), (place(40.7, -74.0), "6,")] {
             let summary = run(kind, voyage(|k| (k == 0).then_some(stale))).unwrap();
             check_counts(&summary);
             assert!(summary.fixes_used > 80, "{kind}: {summary:?}");
@@ -161,7 +161,7 @@ fn a_stale_first_fix_does_not_move_the_origin() {
 #[test]
 fn a_place_that_a_receiver_repeats_before_it_finds_itself_is_left_out() {
     for kind in ESTIMATORS {
-        let summary = run(kind, voyage(|k| (k < 6).then(|| place(0.0, 0.0)))).unwrap();
+        let summary = run(kind, voyage(|k| (k < 6).then(|| place(0.01, 0.01)))).unwrap();
         check_counts(&summary);
         assert!(summary.issues[0].starts_with("6 fixes from 0.0 s to 5.0 s are 5,"));
         assert!(summary.position.unwrap().horizontal_rmse_m < 3.0, "{kind}");
@@ -186,4 +186,32 @@ fn one_fix_and_fixes_that_never_agree() {
         .unwrap_err()
         .to_string();
     assert!(message.contains("no two of the 120 fixes"), "{message}");
+}
+
+/// Between its epochs a table may have zeros.
+#[test]
+fn latitudes_and_longitudes_of_zero_are_no_fixes() {
+    for kind in ESTIMATORS {
+        let summary = run(kind, voyage(|k| (k % 3 != 1).then(|| place(0.0, 0.0)))).unwrap();
+        check_counts(&summary);
+        let reason = "latitude and longitude are both exactly 0";
+        assert_eq!(summary.fixes_unusable, [(reason, 80)].into(), "{kind}");
+        assert!(summary.position.unwrap().horizontal_rmse_m < 5.0, "{kind}");
+    }
+}
+
+#[test]
+fn fixes_that_none_is_used_of_are_told_with_what_they_state() {
+    let metres = |k: i64| GnssPosition {
+        std_m: Some([1500.0, 1500.0, 2000.0]),
+        ..truth(k as f64)
+    };
+    let refused = run(NavigationKind::ErrorState, voyage(|k| Some(metres(k))));
+    let message = refused.unwrap_err().to_string();
+    assert!(
+        message.contains(
+            "far out of range; the standard deviations that they state are 1500.000 to 1500.000 m"
+        ),
+        "{message}"
+    );
 }

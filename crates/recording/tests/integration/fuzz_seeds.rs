@@ -230,6 +230,8 @@ fn ubx() -> Vec<u8> {
     let mut payload = [0_u8; 92];
     payload[4..12].copy_from_slice(&[0xe4, 7, 6, 1, 12, 30, 5, 7]);
     payload[20..24].copy_from_slice(&[3, 1, 0, 11]);
+    payload[24..28].copy_from_slice(&(-80_000_000_i32).to_le_bytes());
+    payload[28..32].copy_from_slice(&470_000_000_i32.to_le_bytes());
     let frame = [&[1, 7, 92, 0][..], &payload].concat();
     let (a, b) = frame.iter().fold((0_u8, 0_u8), |(a, b), byte| {
         let a = a.wrapping_add(*byte);

@@ -95,6 +95,12 @@ impl Session<'_> {
                 reasons.extend(self.navigator.issues());
                 reasons.join("; ").trim_end_matches('.').to_owned()
             }
+            Some((why, count)) if *why == SkipReason::OutOfRange.description() => {
+                let stated = self.counts.stated_std_m.map_or(String::new(), |[least, most]| {
+                    format!("; the standard deviations that they state are {least:.3} to {most:.3} m: check their unit if that is more than the receiver's")
+                });
+                format!("{count}: {why}{stated}")
+            }
             Some((why, count)) => format!("{count}: {why}"),
             None => "all were refused".to_owned(),
         }

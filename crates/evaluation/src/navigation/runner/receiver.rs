@@ -68,6 +68,9 @@ impl Session<'_> {
             return;
         }
         self.counts.given += 1;
+        if let Some(std) = stated(fix.std_m) {
+            self.counts.states(std.x.max(std.y));
+        }
         self.score(Scored::FixUsed);
         self.remember(valid_ns, &ned);
         let vertical =
@@ -171,6 +174,8 @@ pub(crate) fn unusable(fix: &GnssPosition) -> Option<&'static str> {
         Some("the receiver calls it invalid")
     } else if matches!(fix.quality, GnssQuality::Estimated) {
         Some("dead reckoning of the receiver")
+    } else if fix.is_at_zero() {
+        Some("latitude and longitude are both exactly 0")
     } else if !fix.is_usable() {
         Some("not a place on the Earth")
     } else if fix
