@@ -16,6 +16,7 @@ use crate::stamp;
 use csv::ByteRecord;
 
 pub(crate) use blanks::Blanks;
+pub(crate) use navigation::of_degrees_minutes;
 #[cfg(feature = "ulog")]
 pub(crate) use navigation::standard_pressure;
 pub(crate) use rows::Rows;
@@ -84,6 +85,8 @@ pub(crate) enum Form {
     PressureHeight,
     /// A position with the quality in RTKLIB's numbers.
     RtklibPosition,
+    /// A position whose latitude and longitude are a hundred times the degrees plus the minutes.
+    DegreesMinutes,
     /// Speed over ground, course and the speed's standard deviation.
     SpeedAndCourse,
     /// Metres north, east and down of a place.
@@ -223,15 +226,15 @@ impl Pieces for DelimitedSource {
                 day_lost(time_ns, previous.saturating_sub(self.carried_ns))
             }
             (TimeForm::Decimal(_), Some(previous)) => {
-                counter_lost(time_ns, previous.saturating_sub(self.carried_ns))
+                let full = full(time_ns, previous.saturating_sub(self.carried_ns));
+                // Told once: a table may start again in every other row.
+                if let Some(full) = full.filter(|_| self.carried_ns == 0) {
+                    issues.notes.push(started_again(cells.line, full));
+                }
+                full.map_or(0, |(full_ns, _)| full_ns)
             }
             _ => 0,
         };
-        // Told once: a table may start again in every other row.
-        let is_first = lost_ns > 0 && self.carried_ns == 0;
-        if is_first && matches!(self.layout.time_form, TimeForm::Decimal(_)) {
-            issues.notes.push(started_again(cells.line, lost_ns));
-        }
         self.carried_ns = self.carried_ns.saturating_add(lost_ns);
         let time_ns = time_ns.saturating_add(self.carried_ns);
         let interval_ns = self
@@ -250,7 +253,6 @@ impl Pieces for DelimitedSource {
 
 /// What a time of day lost at midnight, ns: a day where it is half a day or more before the row before it.
 fn day_lost(time_ns: i64, previous_ns: i64) -> i64 {
-    const DAY_NS: i64 = 86_400_000_000_000;
     if time_ns < previous_ns.saturating_sub(DAY_NS / 2) {
         DAY_NS
     } else {
@@ -258,21 +260,32 @@ fn day_lost(time_ns: i64, previous_ns: i64) -> i64 {
     }
 }
 
-/// What a counter of 32 bits lost where it was full and started again, ns: of microseconds after 71.6 minutes, of milliseconds
-/// after 49.7 days (`micros()` and `millis()` of Arduino), whatever the unit that they were written in.
-fn counter_lost(time_ns: i64, previous_ns: i64) -> i64 {
-    /// A counter that is full goes on within this; other rows that go back do not end and begin there.
+/// A count that starts again: after so long, ns, and as people call it.
+type Full = (i64, &'static str);
+
+/// What starts again at 0: the counters of 32 bits of microseconds, after 71.6 minutes, and of milliseconds, after 49.7 days
+/// (`micros()` and `millis()` of Arduino), the seconds of a day and those of a week, whatever the unit that they were written in.
+const STARTING_AGAIN: [Full; 4] = [
+    (1_000 << 32, "a counter of 32 bits is full"),
+    (1_000_000 << 32, "a counter of 32 bits is full"),
+    (DAY_NS, "the seconds of a day are over"),
+    (WEEK_S * 1_000_000_000, "the seconds of a week are over"),
+];
+const DAY_NS: i64 = 86_400_000_000_000;
+
+/// The count that was full at a stamp that goes back.
+fn full(time_ns: i64, previous_ns: i64) -> Option<Full> {
+    /// A count that is full goes on within this; other rows that go back do not end and begin there.
     const NEAR_NS: i64 = 10_000_000_000;
-    let full = [1_000, 1_000_000].map(|unit_ns| unit_ns << 32);
-    let started_again = |full_ns: &i64| {
+    let started_again = |(full_ns, _): &Full| {
         (full_ns - NEAR_NS..*full_ns).contains(&previous_ns) && (0..NEAR_NS).contains(&time_ns)
     };
-    full.into_iter().find(started_again).unwrap_or(0)
+    STARTING_AGAIN.into_iter().find(started_again)
 }
 
-fn started_again(line: u64, lost_ns: i64) -> String {
+fn started_again(line: u64, (lost_ns, what): Full) -> String {
     format!(
-        "The time starts again at line {line}, where a counter of 32 bits is full: {:.6} s are added from there on.",
+        "The time starts again at line {line}, where {what}: {:.6} s are added from there on.",
         lost_ns as f64 * 1e-9
     )
 }

@@ -137,7 +137,7 @@ pub enum RecordingError {
         /// Stamps looked at.
         total: u64,
         /// What to do.
-        advice: &'static str,
+        advice: String,
     },
     /// The numbers contradict the unit.
     #[error("{file}: {sensor}: {evidence}; {hint}")]

@@ -55,6 +55,24 @@ impl Issues {
         self.sentences().is_empty()
     }
 
+    /// That many samples of the gyroscope share a stamp.
+    fn shared_stamps(&self) -> Option<String> {
+        let repeated = self.duplicate_stamps.get(&SensorKind::Gyroscope).copied();
+        let (stamps, repeated) = (self.gyroscope_stamps, repeated.unwrap_or(0));
+        // Where stamps are near each other a table has rows of others between those of the gyroscope.
+        if stamps < 2 || repeated < stamps || 2 * self.gaps < stamps - 1 {
+            return None;
+        }
+        let samples = stamps + repeated;
+        let interval_s = self.gyroscope_span_s / (stamps - 1) as f64;
+        let rate_hz = (100.0 * samples as f64 / (stamps as f64 * interval_s)).round() / 100.0;
+        Some(format!(
+            "{samples} samples of the gyroscope share {stamps} stamps, which are {interval_s:.3} s apart, as where times are cut off. \
+             If the samples come steadily, let them be counted: a table by a manifest whose time is rate_hz = {rate_hz} in place of \
+             its column (`northing describe FILE --rate {rate_hz}`)."
+        ))
+    }
+
     /// What stamps may be that are too far apart for any gyroscope.
     fn unit_of_stamps(&self) -> Option<String> {
         let intervals = self.gyroscope_stamps.saturating_sub(1);
@@ -88,7 +106,8 @@ impl Issues {
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
         let mut sentences = Vec::new();
-        sentences.extend(self.unit_of_stamps());
+        let shared = self.shared_stamps();
+        sentences.extend(shared.or_else(|| self.unit_of_stamps()));
         if self.gaps > 0 {
             sentences.push(format!(
                 "The gyroscope pauses for more than {} s {}; the longest gap lasts {:.3} s and starts {:.3} s into the recording.",
@@ -194,6 +213,21 @@ mod tests {
         );
         assert!(every(5000.0).contains("microseconds"));
         assert!(every(1e7).contains("nanoseconds"));
+        // Whole seconds with many samples each are no milliseconds.
+        let mut cut = Issues {
+            gaps: 59,
+            gyroscope_stamps: 60,
+            gyroscope_span_s: 59.0,
+            ..Issues::default()
+        };
+        cut.duplicate_stamps.insert(SensorKind::Gyroscope, 60 * 99);
+        let text = cut.sentences()[0].clone();
+        assert!(
+            text.starts_with(
+                "6000 samples of the gyroscope share 60 stamps, which are 1.000 s apart"
+            ) && text.contains("rate_hz = 100 in place"),
+            "{text}"
+        );
         // Slow, but seconds: a sample each half second.
         assert!(!every(0.6).contains("look like"), "{}", every(0.6));
     }

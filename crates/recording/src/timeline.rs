@@ -3,6 +3,7 @@
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
+use crate::stamp::format_s;
 
 const SENSORS: usize = SensorKind::ALL.len();
 
@@ -14,6 +15,8 @@ const ENOUGH_STAMPS: u64 = 100;
 const DATES_S: std::ops::Range<i64> = 631_152_000..4_102_444_800;
 
 const SORT_ROWS: &str = "sort the rows by time, or check the time column and its unit";
+/// With fewer stamps too early for each step back the rows are out of order.
+const STAMPS_PER_STEP: u64 = 10;
 const SORT_BAG: &str = "within one topic the messages or their stamps are out of order: check the clock that stamps them, or sort \
      the bag by the time of its log, e.g. with `mcap sort`, or with `pip install rosbags` and `rosbags-convert`";
 /// The formats of bags, whose topics are put in order before.
@@ -33,6 +36,41 @@ pub struct Timeline {
     last_of_sensor_ns: [Option<i64>; SENSORS],
     seen: [u64; SENSORS],
     back: [u64; SENSORS],
+    steps: [Steps; SENSORS],
+}
+
+/// Where the stamps of a sensor step back.
+#[derive(Debug, Clone, Copy, Default)]
+struct Steps {
+    /// The stamp before, delivered or not.
+    before_ns: Option<i64>,
+    count: u64,
+    /// From where and to where the first one goes.
+    first_ns: Option<[i64; 2]>,
+}
+
+impl Steps {
+    fn see(&mut self, now_ns: i64) {
+        let before = self.before_ns.replace(now_ns);
+        if let Some(before) = before.filter(|before| now_ns < *before) {
+            self.count += 1;
+            self.first_ns.get_or_insert([before, now_ns]);
+        }
+    }
+
+    /// What to do about steps behind which the stamps go on in order, `back` of them too early; `None` of rows out of order.
+    fn advice(&self, back: u64) -> Option<String> {
+        let is_in_order = self.count * STAMPS_PER_STEP <= back;
+        let [from, to] = self.first_ns.filter(|_| is_in_order)?.map(format_s);
+        let (steps, there) = match self.count {
+            1 => ("one step back".to_owned(), "there"),
+            count => (format!("{count} steps back, the first"), "at each"),
+        };
+        Some(format!(
+            "there is {steps} from {from} s to {to} s: divide the file {there} if these are several recordings, or put the \
+             stamps behind it right if the clock was set or started again"
+        ))
+    }
 }
 
 impl Timeline {
@@ -48,6 +86,7 @@ impl Timeline {
             last_of_sensor_ns: [None; SENSORS],
             seen: [0; SENSORS],
             back: [0; SENSORS],
+            steps: [Steps::default(); SENSORS],
         }
     }
 
@@ -68,6 +107,7 @@ impl Timeline {
         let sensor = kind.order();
         let now = event.time_ns;
         self.seen[sensor] += 1;
+        self.steps[sensor].see(now);
         if now < self.latest_ns {
             self.back[sensor] += 1;
             Issues::count(&mut issues.stamps_going_back, kind);
@@ -120,7 +160,12 @@ impl Timeline {
             sensor: kind.name(),
             back,
             total,
-            advice: self.advice,
+            advice: match self.advice {
+                SORT_ROWS => self.steps[kind.order()]
+                    .advice(back)
+                    .unwrap_or(SORT_ROWS.to_owned()),
+                others => others.to_owned(),
+            },
         })
     }
 
@@ -234,6 +279,25 @@ mod tests {
             })
             .unwrap();
         assert_eq!(refused_at, 99);
+
+        // Rows that are in order but for one step are not to be sorted.
+        let refusal = |stamps: Vec<i64>| {
+            let mut timeline = Timeline::new(0.5);
+            let refused = stamps.into_iter().find_map(|t| {
+                timeline
+                    .admit(&rate(t), &mut Issues::default(), "x.csv")
+                    .err()
+            });
+            refused.unwrap().to_string()
+        };
+        let twice = refusal((5000..5300).chain(1000..1400).collect());
+        assert!(
+            twice.contains("there is one step back from 5.299 s to 1.0 s: divide the file there")
+                && !twice.contains("sort"),
+            "{twice}"
+        );
+        let shuffled = refusal((0..1000).map(|i| 4000 - i).collect());
+        assert!(shuffled.contains("sort the rows by time"), "{shuffled}");
 
         let mut short = Timeline::new(0.5);
         for time_ms in [3, 2, 1] {

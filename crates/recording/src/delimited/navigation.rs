@@ -35,6 +35,13 @@ impl Cells<'_> {
                 let quality = rtklib_quality(row[8]);
                 Some(Sample::GnssPosition(GnssPosition { quality, ..fix }))
             }
+            (Form::DegreesMinutes, Sample::GnssPosition(fix)) => {
+                Some(Sample::GnssPosition(GnssPosition {
+                    latitude_rad: of_degrees_minutes(fix.latitude_rad).to_radians(),
+                    longitude_rad: of_degrees_minutes(fix.longitude_rad).to_radians(),
+                    ..fix
+                }))
+            }
             (Form::SpeedAndCourse, _) => {
                 let [speed, course, std, ..] = *row;
                 Some(Sample::GnssVelocity(GnssVelocity {
@@ -91,6 +98,12 @@ impl Cells<'_> {
             _ => None,
         })
     }
+}
+
+/// Degrees of a number that is a hundred times the degrees plus the minutes; both have its sign.
+pub(crate) fn of_degrees_minutes(number: f64) -> f64 {
+    let degrees = (number / 100.0).trunc();
+    degrees + (number - 100.0 * degrees) / 60.0
 }
 
 /// The quality of RTKLIB's number; NaN where there is none.

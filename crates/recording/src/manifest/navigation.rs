@@ -26,6 +26,9 @@ pub struct PositionColumns {
     /// In place of `std`: the radius that the fix is within with 68 %, and the vertical standard
     /// deviation, m. A standard deviation along one axis is the radius divided by the root of 2.
     pub accuracy: Option<[Column; 2]>,
+    /// Unit of `std` or `accuracy`. Default `m`.
+    #[serde(default)]
+    pub accuracy_unit: HeightUnit,
     /// Horizontal dilution of precision.
     pub hdop: Option<Column>,
     /// Satellites used.
@@ -48,6 +51,9 @@ units! {
         Radians = "rad" => 1.0,
         /// Ten-millionths of a degree, an integer.
         TenMillionths = "1e-7-deg" => DEGREE * 1e-7,
+        /// A hundred times the degrees plus the minutes, as NMEA writes them: 4841.9998 is 48 degrees and 41.9998 minutes. What
+        /// it is once it is taken apart, degrees, is multiplied.
+        DegreesMinutes = "deg-min" => DEGREE,
     }
 }
 
@@ -80,16 +86,16 @@ pub enum QualityCode {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VelocityColumns {
-    /// Three components in the order of `axes`, m/s.
+    /// Three components in the order of `axes`, in `speed_unit`.
     pub columns: Option<[Column; 3]>,
     /// What they are. Default `ned`.
     #[serde(default)]
     pub axes: VelocityAxes,
-    /// Their standard deviations in the same order, m/s.
+    /// Their standard deviations in the same order, in `speed_unit`.
     pub std: Option<[Column; 3]>,
     /// Speed over ground.
     pub speed: Option<Column>,
-    /// Unit of the speed. Default `m-per-s`.
+    /// Unit of the speed or the components. Default `m-per-s`.
     #[serde(default)]
     pub speed_unit: SpeedUnit,
     /// Standard deviation of the speed, in the speed's unit.
@@ -154,6 +160,10 @@ units! {
         Knots = "knots" => KNOT,
         /// Kilometres per hour.
         KmPerH = "km-per-h" => 1000.0 / 3600.0,
+        /// Centimetres per second.
+        CmPerS = "cm-per-s" => 1e-2,
+        /// Millimetres per second.
+        MmPerS = "mm-per-s" => 1e-3,
     }
 }
 

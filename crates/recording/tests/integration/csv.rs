@@ -156,6 +156,28 @@ fn a_counter_of_32_bits_that_starts_again_goes_on() {
     );
 }
 
+/// Seconds since midnight, and those of a GPS week.
+#[test]
+fn seconds_of_a_day_or_a_week_go_on_where_it_ends() {
+    for (length_s, what) in [(86_400, "a day"), (604_800, "a week")] {
+        let rows: String = (0..4000)
+            .map(|k| (length_s * 100 - 1000 + k) % (length_s * 100))
+            .map(|t| format!("{}.{:02},0.1,0,0\n", t / 100, t % 100))
+            .collect();
+        let mut recording = csv(&format!("t_s,{GYRO}\n{rows}")).unwrap();
+        let events = events(&mut recording).unwrap();
+        assert_eq!(events.len(), 4000);
+        for pair in events.windows(2) {
+            assert_eq!(pair[1].time_ns - pair[0].time_ns, 10_000_000);
+        }
+        let said = recording.issues().sentences();
+        let told = format!(
+            "The time starts again at line 1002, where the seconds of {what} are over: {length_s}.000000 s are added from there on."
+        );
+        assert_eq!(said, [told]);
+    }
+}
+
 #[test]
 fn bad_cells_name_line_and_column() {
     let error = error_of(csv(&format!(

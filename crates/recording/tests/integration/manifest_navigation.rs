@@ -464,3 +464,57 @@ fn positions_in_metres_from_a_place_are_fixes() {
         assert!(error.contains(expected), "{to}: {error}");
     }
 }
+
+/// Tables of one row for everything are filled with zeros where the receiver has nothing new.
+#[test]
+fn a_fix_of_exactly_0_0_is_none_and_so_is_the_velocity_of_zeros_beside_it() {
+    let manifest = "file = 'log.csv'\ntime = { column = 't', unit = 's' }\n\
+                    gyroscope = { columns = ['x', 'y', 'z'] }\n\
+                    gnss_position = { latitude = 'lat', longitude = 'lon', height = 'h' }\n\
+                    gnss_velocity = { columns = ['vn', 've', 'vd'] }\n";
+    let log = "t,x,y,z,lat,lon,h,vn,ve,vd\n0,1,2,3,47.5,8.5,300,1,0,0\n1,1,2,3,0,0,0,0,0,0\n\
+               2,1,2,3,0.0,-0.0,0,1,0,0\n3,1,2,3,0,8.5,0,0,0,0\n";
+    let mut recording = opened(manifest, &[("log.csv", log)]).unwrap();
+    let of = |kind: SensorKind, events: &[Event]| -> Vec<i64> {
+        let of_kind = events.iter().filter(|event| event.sample.kind() == kind);
+        of_kind.map(|event| event.time_ns / 1_000_000_000).collect()
+    };
+    let events: Vec<Event> = recording.by_ref().map(Result::unwrap).collect();
+    assert_eq!(of(SensorKind::Gyroscope, &events), [0, 1, 2, 3]);
+    assert_eq!(of(SensorKind::GnssPosition, &events), [0, 3]);
+    // A velocity that says something stays, and one of zeros beside a fix does.
+    assert_eq!(of(SensorKind::GnssVelocity, &events), [0, 2, 3]);
+    let told = recording.issues().sentences();
+    let zeros = "Left out: 2 position(s) whose latitude and longitude are both exactly 0";
+    assert!(told.iter().any(|s| s.starts_with(zeros)), "{told:?}");
+}
+
+#[test]
+fn degrees_with_minutes_and_accuracies_and_velocities_in_millimetres_are_taken_apart() {
+    let manifest = "file = 'log.csv'\ntime = { column = 't', unit = 's' }\n\
+                    gnss_velocity = { columns = ['vn', 've', 'vd'], speed_unit = 'mm-per-s', std = ['s', 's2', 's3'] }\n\
+                    [gnss_position]\nlatitude = 'lat'\nlongitude = 'lon'\nunit = 'deg-min'\naccuracy = ['h', 'v']\n\
+                    accuracy_unit = 'mm'\n";
+    let log = "t,lat,lon,h,v,vn,ve,vd,s,s2,s3\n0,4841.9998,-906.003,1500,2000,-108,23,-25,100,100,200\n\
+               1,4800.0,-0.6,1500,2000,0,0,0,100,100,200\n";
+    let events = all(opened(manifest, &[("log.csv", log)]).unwrap());
+    let mut fixes = events.iter().filter_map(|event| match event.sample {
+        Sample::GnssPosition(fix) => Some(fix),
+        _ => None,
+    });
+    for (latitude, longitude) in [(48.0 + 41.9998 / 60.0, -9.0 - 6.003 / 60.0), (48.0, -0.01)] {
+        let fix = fixes.next().unwrap();
+        approx::assert_relative_eq!(fix.latitude_rad, latitude * DEGREE, epsilon = 1e-14);
+        approx::assert_relative_eq!(fix.longitude_rad, longitude * DEGREE, epsilon = 1e-14);
+        let std = fix.std_m.unwrap();
+        approx::assert_relative_eq!(std[0], 1.5 / 2_f64.sqrt(), epsilon = 1e-12);
+        approx::assert_relative_eq!(std[2], 2.0, epsilon = 1e-12);
+    }
+    let Some(Sample::GnssVelocity(velocity)) = events.iter().map(|event| event.sample).nth(1)
+    else {
+        panic!("{events:?}")
+    };
+    approx::assert_relative_eq!(velocity.north_m_s, -0.108);
+    approx::assert_relative_eq!(velocity.down_m_s.unwrap(), -0.025);
+    assert_eq!(velocity.std_m_s, Some([0.1, 0.1, 0.2]));
+}

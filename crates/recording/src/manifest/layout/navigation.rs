@@ -1,7 +1,8 @@
 //! From a manifest's columns of satellite receivers, speeds and headings to those of the file.
 
 use super::super::navigation::{
-    EcefColumns, LocalColumns, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
+    CoordinateUnit, EcefColumns, LocalColumns, PositionColumns, QualityCode, VelocityAxes,
+    VelocityColumns,
 };
 use super::super::schema::{Column, QuaternionDirection};
 use super::LayoutBuilder;
@@ -54,7 +55,14 @@ impl LayoutBuilder<'_> {
     }
 
     fn gnss_position(&self, position: &PositionColumns) -> Result<Channel> {
-        let to_rad = position.unit.to_rad();
+        let is_minutes = position.unit == CoordinateUnit::DegreesMinutes;
+        // Those are taken apart as they stand, by the form.
+        let to_rad = if is_minutes {
+            1.0
+        } else {
+            position.unit.to_rad()
+        };
+        let to_m = position.accuracy_unit.to_m();
         let mut row = Channel::new(SensorKind::GnssPosition, &[]);
         row.put(0, Some(self.column(&position.latitude)?), to_rad);
         row.put(1, Some(self.column(&position.longitude)?), to_rad);
@@ -68,24 +76,28 @@ impl LayoutBuilder<'_> {
             }
             (Some(std), None) => {
                 for (number, column) in (3..).zip(std) {
-                    row.put(number, Some(self.column(column)?), 1.0);
+                    row.put(number, Some(self.column(column)?), to_m);
                 }
             }
             (None, Some([horizontal, vertical])) => {
                 let horizontal = Some(self.column(horizontal)?);
-                row.put(3, horizontal, std::f64::consts::FRAC_1_SQRT_2);
-                row.put(4, horizontal, std::f64::consts::FRAC_1_SQRT_2);
-                row.put(5, Some(self.column(vertical)?), 1.0);
+                row.put(3, horizontal, std::f64::consts::FRAC_1_SQRT_2 * to_m);
+                row.put(4, horizontal, std::f64::consts::FRAC_1_SQRT_2 * to_m);
+                row.put(5, Some(self.column(vertical)?), to_m);
             }
             (None, None) => {}
         }
         row.columns[6] = self.optional(position.hdop.as_ref())?;
         row.columns[7] = self.optional(position.satellites.as_ref())?;
         row.columns[8] = self.optional(position.quality.as_ref())?;
-        Ok(match position.quality_code {
-            QualityCode::Gga => row,
-            QualityCode::Rtklib => row.of_form(Form::RtklibPosition),
-        })
+        match (position.quality_code, is_minutes) {
+            (QualityCode::Gga, false) => Ok(row),
+            (QualityCode::Gga, true) => Ok(row.of_form(Form::DegreesMinutes)),
+            (QualityCode::Rtklib, false) => Ok(row.of_form(Form::RtklibPosition)),
+            (QualityCode::Rtklib, true) => Err(self.problem(
+                "[gnss_position] has unit = \"deg-min\" and quality_code = \"rtklib\", which writes degrees",
+            )),
+        }
     }
 
     fn local_position(&self, local: &LocalColumns) -> Result<Channel> {
@@ -98,7 +110,7 @@ impl LayoutBuilder<'_> {
         }
         let place = LocalPlace::new(&local.origin, local.axes, local.std_m, self.manifest_file)?;
         let mut row = Channel::new(SensorKind::GnssPosition, &[]);
-        self.put_components(&mut row, columns, local.std.as_ref(), local.axes)?;
+        self.put_components(&mut row, columns, local.std.as_ref(), local.axes, 1.0)?;
         Ok(row.of_form(Form::Local(place)))
     }
 
@@ -128,25 +140,33 @@ impl LayoutBuilder<'_> {
 
     fn components(&self, columns: &[Column; 3], velocity: &VelocityColumns) -> Result<Channel> {
         let mut row = Channel::new(SensorKind::GnssVelocity, &[]);
-        self.put_components(&mut row, columns, velocity.std.as_ref(), velocity.axes)?;
+        let to_m_per_s = velocity.speed_unit.to_m_per_s();
+        self.put_components(
+            &mut row,
+            columns,
+            velocity.std.as_ref(),
+            velocity.axes,
+            to_m_per_s,
+        )?;
         Ok(row)
     }
 
-    /// Puts three components and their standard deviations as north, east, down.
+    /// Puts three components and their standard deviations, each times `factor`, as north, east, down.
     fn put_components(
         &self,
         row: &mut Channel,
         columns: &[Column; 3],
         std: Option<&[Column; 3]>,
         axes: VelocityAxes,
+        factor: f64,
     ) -> Result<()> {
         let order = axes.order();
         for (column, number) in columns.iter().zip(order) {
-            let factor = if number == 2 { axes.down() } else { 1.0 };
-            row.put(number, Some(self.column(column)?), factor);
+            let sign = if number == 2 { axes.down() } else { 1.0 };
+            row.put(number, Some(self.column(column)?), sign * factor);
         }
         for (column, number) in std.into_iter().flatten().zip(order) {
-            row.put(3 + number, Some(self.column(column)?), 1.0);
+            row.put(3 + number, Some(self.column(column)?), factor);
         }
         Ok(())
     }
