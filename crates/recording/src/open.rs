@@ -180,6 +180,7 @@ fn described(path: &Path, options: &OpenOptions) -> Result<Opened> {
             None => guess.sentence(),
         }
     });
+    let told: Vec<String> = told.chain(draft.remarks.iter().cloned()).collect();
     opened.notes.splice(0..0, told);
     Ok(opened)
 }

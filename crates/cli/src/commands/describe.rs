@@ -45,7 +45,7 @@ pub(crate) struct DescribeArgs {
     /// Overwrite the manifest if it exists
     #[arg(long)]
     force: bool,
-    /// Rows in a second, of tables without time stamps
+    /// Rows in a second, of tables without time stamps or with stamps that many rows share
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Print one JSON document
@@ -140,6 +140,9 @@ fn told(args: &DescribeArgs, draft: &Draft, contents: &Contents, issues: &[Strin
     text.push_str(&guesses.render("  "));
     for (file, columns) in &draft.left_out {
         text.push_str(&format!("  {file}: not used: {columns}\n"));
+    }
+    for remark in &draft.remarks {
+        text.push_str(&format!("  {remark}\n"));
     }
     let seconds = contents.duration_s();
     text.push_str(&format!("\nRead by it: {seconds:.3} s of samples\n"));

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::across::{Forces, check_rate, other_times};
 use super::names::{self, Group, Quantity};
 use super::orientation::Writing;
 use super::table::Table;
@@ -25,6 +26,8 @@ pub struct Draft {
     pub guesses: Vec<Guess>,
     /// Of each file the columns of which nothing is taken.
     pub left_out: Vec<(String, String)>,
+    /// What stands out in the files and is not a column's: why a position is not taken, times that have nothing in common.
+    pub remarks: Vec<String>,
 }
 
 /// Drafts one manifest for the files, whose names in it are relative to `folder` where they are in it. `rate_hz` is that
@@ -38,9 +41,11 @@ pub fn draft(paths: &[PathBuf], folder: &Path, rate_hz: Option<f64>) -> Result<D
         files.push(Described::read(path)?);
     }
     find_vectors(&mut files, rate_hz)?;
-    for file in &mut files {
-        file.find_rest();
+    let forces = Forces::of(&files);
+    for (place, file) in files.iter_mut().enumerate() {
+        file.find_rest(place, forces.as_ref());
     }
+    let mut remarks: Vec<String> = files.iter().flat_map(Described::remark).collect();
     let known = |file: &Described| file.table.is_none() || !file.sections.is_empty();
     if !files.iter().any(known) {
         let names = files
@@ -53,16 +58,22 @@ pub fn draft(paths: &[PathBuf], folder: &Path, rate_hz: Option<f64>) -> Result<D
                 .first()
                 .map_or(String::new(), |path| path.display().to_string()),
             format!(
-                "a table, but neither the names of its columns nor their numbers tell a sensor: {}; write a manifest as \
+                "a table, but neither the names of its columns nor their numbers tell a sensor: {}; {}write a manifest as \
                  docs/formats.md says",
-                join(names.iter().map(String::as_str))
+                join(names.iter().map(String::as_str)),
+                remarks
+                    .iter()
+                    .map(|remark| format!("{}; ", remark.trim_end_matches('.')))
+                    .collect::<String>()
             ),
         ));
     }
+    remarks.extend(other_times(&files));
     Ok(Draft {
-        manifest: text::of(&files, folder),
+        manifest: text::of(&files, &remarks, folder),
         guesses: files.iter().flat_map(Described::guesses).collect(),
         left_out: files.iter().filter_map(Described::left_out).collect(),
+        remarks,
     })
 }
 
@@ -71,9 +82,11 @@ pub(super) struct Described {
     pub(super) path: PathBuf,
     /// None of a file that describes itself.
     pub(super) table: Option<Table>,
-    time: Option<Time>,
+    pub(super) time: Option<Time>,
     groups: Vec<Group>,
-    sections: Vec<Section>,
+    pub(super) sections: Vec<Section>,
+    /// Why columns that are called a position are not taken.
+    problem: Option<String>,
     pub(super) is_down: bool,
 }
 
@@ -86,6 +99,7 @@ impl Described {
             time: None,
             groups: Vec::new(),
             sections: Vec::new(),
+            problem: None,
             is_down: false,
         };
         let Err(error) = opened else {
@@ -122,7 +136,7 @@ impl Described {
     }
 
     /// The numbers of a group over time.
-    fn series(&self, columns: &[usize]) -> Series {
+    pub(super) fn series(&self, columns: &[usize]) -> Series {
         match (&self.table, &self.time) {
             (Some(table), Some(time)) => vectors::series(table, columns, &time.seconds),
             _ => Vec::new(),
@@ -153,20 +167,33 @@ impl Described {
     }
 
     /// The orientations, and what a receiver or a barometer told.
-    fn find_rest(&mut self) {
+    fn find_rest(&mut self, place: usize, forces: Option<&Forces>) {
         let Some(table) = &self.table else { return };
-        let forces = self.sections.iter().find(|one| one.key == "accelerometer");
+        let is_stamped = self.is_stamped();
+        let seconds = self.time.as_ref().map_or(&[][..], |time| &time.seconds);
+        // Rows of one file belong together, those of two by their stamps.
+        let forces =
+            forces.filter(|forces| forces.file == place || forces.is_stamped && is_stamped);
+        let force = |row: usize| {
+            let forces = forces?;
+            match forces.file == place {
+                true => Some(nalgebra::Vector3::from_fn(|axis, _| {
+                    table.columns[forces.columns[axis]].numbers[row]
+                })),
+                false => forces.at(*seconds.get(row)?),
+            }
+        };
         let mut sections: Vec<Section> = Vec::new();
         for group in self.groups.iter().filter(|group| group.columns.len() == 4) {
             let key = match group.quantity {
                 Quantity::Reference => "reference",
                 _ => "device_orientation",
             };
-            let rows = quaternions(table, &group.columns, forces.map(|one| &one.columns[..]));
+            let rows = quaternions(table, &group.columns, &force);
             let Some(rows) = rows.filter(|_| sections.iter().all(|one| one.key != key)) else {
                 continue;
             };
-            let writing = Writing::of(&rows, group.is_ordered);
+            let writing = Writing::of(&rows, group.is_ordered, forces.is_some());
             self.is_down |= writing.is_down;
             let names: Vec<String> = group.columns.iter().map(|c| table.called(*c)).collect();
             sections.push(Section {
@@ -180,12 +207,24 @@ impl Described {
                 found: writing.found,
             });
         }
-        let seconds = self.time.as_ref().map_or(&[][..], |time| &time.seconds);
-        sections.extend(navigation::sections(table, seconds));
+        let (found, problem) = navigation::sections(table, seconds);
+        sections.extend(found);
         self.sections.extend(sections);
+        self.problem = problem;
     }
 
-    fn name(&self) -> String {
+    /// Whether its rows have stamps.
+    pub(super) fn is_stamped(&self) -> bool {
+        (self.time.as_ref()).is_some_and(|time| !time.columns.is_empty())
+    }
+
+    /// Why columns that are called a position are not taken.
+    fn remark(&self) -> Option<String> {
+        let problem = self.problem.as_ref()?;
+        Some(format!("{}: {problem}.", self.name()))
+    }
+
+    pub(super) fn name(&self) -> String {
         shown(&self.path.file_name().unwrap_or_default().to_string_lossy())
     }
 
@@ -269,6 +308,7 @@ fn is_choice(line: &str) -> bool {
         "speed_unit",
         "course_unit",
         "height_unit",
+        "accuracy_unit",
     ]
     .iter()
     .any(|key| line.split(' ').next() == Some(key))
@@ -292,7 +332,7 @@ fn by_place(table: &Table) -> Vec<Group> {
     let mut at = 0;
     while at < numbers.len() {
         let four = numbers.get(at..at + 4);
-        if let Some(four) = four.filter(|four| quaternions(table, four, None).is_some()) {
+        if let Some(four) = four.filter(|four| quaternions(table, four, &|_| None).is_some()) {
             groups.push(group(four.to_vec()));
             at += 4;
         } else {
@@ -303,11 +343,11 @@ fn by_place(table: &Table) -> Vec<Group> {
     groups
 }
 
-/// The rows of four columns with a quaternion of length 1, beside the accelerometer's numbers where those are known.
+/// The rows of four columns with a quaternion of length 1, beside the specific force of the row where that is known.
 fn quaternions(
     table: &Table,
     columns: &[usize],
-    forces: Option<&[usize]>,
+    force: &dyn Fn(usize) -> Option<nalgebra::Vector3<f64>>,
 ) -> Option<Vec<([f64; 4], nalgebra::Vector3<f64>)>> {
     let number = |column: usize, row: usize| table.columns[column].numbers[row];
     let four = |row: usize| [0, 1, 2, 3].map(|i| number(columns[i], row));
@@ -316,8 +356,7 @@ fn quaternions(
         .collect();
     let is_unit = median(&mut off) < 0.02;
     let rows = (0..table.rows).filter_map(|row| {
-        let columns = forces?;
-        let force = nalgebra::Vector3::from_fn(|axis, _| number(columns[axis], row));
+        let force = force(row)?;
         let q = four(row);
         let is_whole = force.iter().chain(&q).all(|x| x.is_finite());
         (is_whole && q.iter().any(|x| x.abs() > 0.1)).then_some((q, force))
@@ -336,9 +375,12 @@ fn find_vectors(files: &mut [Described], rate_hz: Option<f64>) -> Result<()> {
     if let Some((place, vector)) = &forces {
         files[*place].take("accelerometer", vector.clone());
     }
+    let is_only = files.len() == 1;
+    let mut is_told_used = false;
     for file in files.iter_mut() {
-        file.settle_rate(rate_hz)?;
+        is_told_used |= file.settle_rate(rate_hz, is_only)?;
     }
+    check_rate(files, rate_hz.filter(|_| !is_told_used))?;
     let series = forces
         .as_ref()
         .map(|(place, vector)| files[*place].series(&vector.columns));
@@ -427,13 +469,27 @@ impl Described {
         rate_of_rows(without, group.unit, fit)
     }
 
-    /// The rate of rows without time stamps: the user's, or that at which gravity turns as the gyroscope says.
-    fn settle_rate(&mut self, told_hz: Option<f64>) -> Result<()> {
+    /// The rate of rows without time stamps, or with stamps that are cut off: the user's, or that at which gravity turns as the
+    /// gyroscope says. Stamps of one file alone are given up without being asked: rows that are counted begin at 0. Says whether
+    /// the user's was taken.
+    fn settle_rate(&mut self, told_hz: Option<f64>, is_only: bool) -> Result<bool> {
         let is_without = |time: &Time| time.columns.is_empty();
         let is_named = |group: &Group| group.quantity != Quantity::Other;
         let is_sensor = self.groups.iter().any(is_named) || !self.sections.is_empty();
-        if !self.time.as_ref().is_some_and(is_without) || !is_sensor {
-            return Ok(());
+        let (Some(time), Some(table), true) = (&self.time, &self.table, is_sensor) else {
+            return Ok(false);
+        };
+        if !is_without(time) {
+            let counted = match told_hz.filter(|_| time.repeats()) {
+                Some(rate_hz) => {
+                    let why = "the rate that was told; the times repeat from row to row";
+                    Some(time.with_rate(rate_hz, Found::new(why, Confidence::Certain)))
+                }
+                None => time.counted(table).filter(|_| is_only && told_hz.is_none()),
+            };
+            let is_counted = counted.is_some();
+            self.time = counted.or(self.time.take());
+            return Ok(is_counted && told_hz.is_some());
         }
         let found = match told_hz {
             Some(rate) => Some((
@@ -458,6 +514,6 @@ impl Described {
             time.seconds.iter_mut().for_each(|t| *t /= rate_hz);
             (time.rate_hz, time.found) = (Some(rate_hz), found);
         }
-        Ok(())
+        Ok(told_hz.is_some())
     }
 }

@@ -4,10 +4,12 @@
 //! the Earth's field, and the direction of gravity turns as the gyroscope says; that tells units, axes and orders that no
 //! header names. Every guess comes with its reason and how sure it is.
 
+mod across;
 mod draft;
 mod names;
 mod navigation;
 mod orientation;
+mod position;
 mod table;
 mod text;
 mod time;

@@ -19,6 +19,13 @@ pub(super) enum Quantity {
     Other,
 }
 
+impl Quantity {
+    /// Whether it is a magnetic field.
+    pub(super) const fn is_field(self) -> bool {
+        matches!(self, Self::Magnetometer | Self::MagnetometerUncalibrated)
+    }
+}
+
 /// A column that stands for itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Single {
@@ -57,7 +64,7 @@ pub(super) struct Group {
 }
 
 /// Spellings of units, and the name that a manifest has for each; those that it has none for begin with `!`.
-const UNITS: [(&str, &[&str]); 29] = [
+const UNITS: [(&str, &[&str]); 31] = [
     (
         "rad-per-s",
         &[
@@ -117,6 +124,8 @@ const UNITS: [(&str, &[&str]); 29] = [
         "m-per-s",
         &["m/s", "m_s", "mps", "m s^-1", "m s-1", "m_per_s"],
     ),
+    ("cm-per-s", &["cm/s", "cm_s"]),
+    ("mm-per-s", &["mm/s", "mm_s"]),
     ("mm", &["mm"]),
     ("ft", &["ft", "feet", "foot"]),
     ("m", &["m", "meters", "metres", "meter"]),
@@ -124,14 +133,31 @@ const UNITS: [(&str, &[&str]); 29] = [
     ("!other", &["°c", "degc", "c", "%", "v", "hz", "k"]),
 ];
 
+/// The unit of a spelling in small letters.
+fn known(text: &str) -> Option<&'static str> {
+    let text = text.trim();
+    let mut units = UNITS.iter();
+    units.find_map(|(unit, spellings)| spellings.contains(&text).then_some(*unit))
+}
+
+/// Whether the cells of a line are units, as a line below the names has them: at least one, and else what stands for none.
+pub(super) fn are_units(cells: &[String]) -> bool {
+    const NONE: [&str; 9] = ["", "-", "--", "1", "none", "n/a", "na", "utc", "gps"];
+    let bare = |cell: &String| {
+        let inside = cell.trim_matches(|c| matches!(c, '[' | ']' | '(' | ')' | '#'));
+        inside.trim().to_lowercase()
+    };
+    let cells: Vec<String> = cells.iter().map(bare).collect();
+    let is_unit = |cell: &String| known(cell).is_some();
+    cells.iter().any(is_unit)
+        && cells
+            .iter()
+            .all(|cell| is_unit(cell) || NONE.contains(&cell.as_str()))
+}
+
 /// Divides a name into what is named and its unit.
 pub(super) fn unit(name: &str) -> (String, Option<&'static str>) {
     let lower = name.to_lowercase();
-    let known = |text: &str| {
-        let text = text.trim();
-        let mut units = UNITS.iter();
-        units.find_map(|(unit, spellings)| spellings.contains(&text).then_some(*unit))
-    };
     for (open, close) in [('(', ')'), ('[', ']')] {
         let Some((before, rest)) = lower.split_once(open) else {
             continue;

@@ -1,21 +1,22 @@
 //! Columns of satellite receivers and of a barometer.
 
 use super::names::{Single, single, unit};
+use super::position::{degrees, position, position_unit};
 use super::table::Table;
 use super::turns::median;
 use super::{Confidence, Found, Section};
-use crate::manifest::SpeedUnit;
+use crate::manifest::{CoordinateUnit, SpeedUnit};
 use crate::tracking::LocalPlane;
 
 /// The columns that stand for themselves.
-struct Columns<'a> {
-    table: &'a Table,
-    used: Vec<usize>,
-    lines: Vec<String>,
+pub(super) struct Columns<'a> {
+    pub(super) table: &'a Table,
+    pub(super) used: Vec<usize>,
+    pub(super) lines: Vec<String>,
 }
 
 impl Columns<'_> {
-    fn find(&self, wanted: Single) -> Option<usize> {
+    pub(super) fn find(&self, wanted: Single) -> Option<usize> {
         let mut columns = self.table.columns.iter();
         columns.position(|column| {
             single(&column.name) == Some(wanted) && column.numbers.iter().any(|x| x.is_finite())
@@ -23,7 +24,7 @@ impl Columns<'_> {
     }
 
     /// Writes `key = column` where there is one.
-    fn put(&mut self, key: &str, wanted: Single) -> Option<usize> {
+    pub(super) fn put(&mut self, key: &str, wanted: Single) -> Option<usize> {
         let place = self.find(wanted)?;
         self.lines
             .push(format!("{key} = {}", self.table.called(place)));
@@ -32,7 +33,7 @@ impl Columns<'_> {
     }
 
     /// Writes `key = [columns]` where all three are there.
-    fn put_three(&mut self, key: &str, wanted: [Single; 3]) -> bool {
+    pub(super) fn put_three(&mut self, key: &str, wanted: [Single; 3]) -> bool {
         let [Some(a), Some(b), Some(c)] = wanted.map(|wanted| self.find(wanted)) else {
             return false;
         };
@@ -42,18 +43,26 @@ impl Columns<'_> {
         true
     }
 
-    fn largest(&self, place: usize) -> f64 {
+    pub(super) fn largest(&self, place: usize) -> f64 {
         let numbers = self.table.columns[place].numbers.iter();
         numbers
             .filter(|x| x.is_finite())
             .fold(0.0, |most, x| most.max(x.abs()))
     }
 
-    fn told(&self, place: usize) -> Option<&'static str> {
+    /// Whether every number is a whole one.
+    pub(super) fn is_whole(&self, place: usize) -> bool {
+        let numbers = self.table.columns[place].numbers.iter();
+        numbers
+            .filter(|x| x.is_finite())
+            .all(|x| x.fract().abs() <= 0.0)
+    }
+
+    pub(super) fn told(&self, place: usize) -> Option<&'static str> {
         unit(&self.table.columns[place].name).1
     }
 
-    fn section(self, key: &'static str, found: Found) -> Section {
+    pub(super) fn section(self, key: &'static str, found: Found) -> Section {
         Section {
             key,
             lines: self.lines,
@@ -63,85 +72,20 @@ impl Columns<'_> {
     }
 }
 
-/// Every section of navigation that a table has.
-pub(super) fn sections(table: &Table, seconds: &[f64]) -> Vec<Section> {
+/// Every section of navigation that a table has, and why columns that are named as a position are not taken.
+pub(super) fn sections(table: &Table, seconds: &[f64]) -> (Vec<Section>, Option<String>) {
     let columns = || Columns {
         table,
         used: Vec::new(),
         lines: Vec::new(),
     };
     let mut sections = Vec::new();
-    sections.extend(position(columns()));
+    let position = position(columns());
+    let problem = position.as_ref().err().cloned();
+    sections.extend(position.ok().flatten());
     sections.extend(velocity(columns(), seconds));
     sections.extend(pressure(columns()));
-    sections
-}
-
-fn position(mut columns: Columns<'_>) -> Option<Section> {
-    let latitude = columns.put("latitude", Single::Latitude)?;
-    let longitude = columns.put("longitude", Single::Longitude)?;
-    let (north, east) = (columns.largest(latitude), columns.largest(longitude));
-    let told = columns
-        .told(latitude)
-        .filter(|unit| matches!(*unit, "deg" | "rad" | "1e-7-deg"));
-    let (unit, mut why, mut confidence) = match told {
-        Some(unit) => (
-            unit,
-            format!("named so, in {unit} by the header"),
-            Confidence::Certain,
-        ),
-        None if north > 180.0 * 1e4 => {
-            let why = "named so; integers as large as ten-millionths of a degree";
-            ("1e-7-deg", why.to_owned(), Confidence::Likely)
-        }
-        // Near the equator and the prime meridian degrees are as small.
-        None if north <= 1.6 && east <= 3.2 => {
-            let why = format!(
-                "named so; not beyond {north:.3} and {east:.3}, so radians; degrees only near 0, 0"
-            );
-            ("rad", why, Confidence::Likely)
-        }
-        None if north <= 90.0 && east <= 360.0 => (
-            "deg",
-            "named so, and within the degrees of the Earth".to_owned(),
-            Confidence::Certain,
-        ),
-        None => return None,
-    };
-    columns.lines.push(format!("unit = \"{unit}\""));
-    if let Some(height) = columns.put("height", Single::Height) {
-        /// Higher than any balloon, m; and than any ground, where a receiver tells integers.
-        const HIGHEST_M: f64 = 60_000.0;
-        const HIGHEST_GROUND_M: f64 = 9_000.0;
-        let told = columns
-            .told(height)
-            .filter(|told| matches!(*told, "mm" | "ft"));
-        let highest = columns.largest(height);
-        let most = match unit {
-            "1e-7-deg" => HIGHEST_GROUND_M,
-            _ => HIGHEST_M,
-        };
-        let unit = told.or_else(|| (highest > most).then_some("mm"));
-        if told.is_none() && unit.is_some() {
-            why.push_str("; heights as large as millimetres");
-            confidence = Confidence::Likely;
-        }
-        columns
-            .lines
-            .extend(unit.map(|unit| format!("height_unit = \"{unit}\"")));
-    }
-    let std = [Single::StdNorth, Single::StdEast, Single::StdVertical];
-    let accuracy = [Single::HorizontalAccuracy, Single::VerticalAccuracy];
-    if !columns.put_three("std", std)
-        && let [Some(horizontal), Some(vertical)] = accuracy.map(|wanted| columns.find(wanted))
-    {
-        let [h, v] = [horizontal, vertical].map(|place| columns.table.called(place));
-        columns.lines.push(format!("accuracy = [{h}, {v}]"));
-        columns.used.extend([horizontal, vertical]);
-    }
-    columns.put("hdop", Single::Hdop);
-    columns.put("satellites", Single::Satellites);
-    Some(columns.section("gnss_position", Found::new(why, confidence)))
+    (sections, problem)
 }
 
 fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
@@ -159,8 +103,11 @@ fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
     ] {
         if columns.put_three("columns", order) {
             columns.lines.push(format!("axes = \"{axes}\""));
+            let (unit, found) = unit_of_components(&columns, order, seconds);
+            if unit != SpeedUnit::MPerS.name() {
+                columns.lines.push(format!("speed_unit = \"{unit}\""));
+            }
             columns.put_three("std", std);
-            let found = Found::new("named so; taken in m/s", Confidence::Likely);
             return Some(columns.section("gnss_velocity", found));
         }
     }
@@ -168,8 +115,10 @@ fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
     columns.find(Single::Course)?;
     let told = columns
         .told(speed)
-        .filter(|unit| matches!(*unit, "m-per-s" | "km-per-h" | "knots"));
-    let (unit, mut found) = match (told, speed_of_positions(&columns, speed, seconds)) {
+        .filter(|told| SpeedUnit::ALL.into_iter().any(|unit| unit.name() == *told));
+    let speeds = &columns.table.columns[speed].numbers;
+    let moved = speed_of_positions(&columns, &|row| speeds[row], seconds);
+    let (unit, mut found) = match (told, moved) {
         (Some(unit), _) => (
             unit,
             Found::new("the header names the unit", Confidence::Certain),
@@ -196,25 +145,63 @@ fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
     Some(columns.section("gnss_velocity", found))
 }
 
+/// The unit of three components of a velocity: the header's, that in which the positions move as fast, or mm/s beside whole
+/// ten-millionths of a degree, as u-blox receivers write them.
+fn unit_of_components(
+    columns: &Columns<'_>,
+    order: [Single; 3],
+    seconds: &[f64],
+) -> (&'static str, Found) {
+    let places = order.map(|wanted| columns.find(wanted));
+    let [Some(first), Some(second), Some(third)] = places else {
+        return ("m-per-s", Found::new("named so", Confidence::Assumed));
+    };
+    let told = columns.told(first);
+    if let Some(unit) = SpeedUnit::ALL
+        .into_iter()
+        .find(|unit| Some(unit.name()) == told)
+    {
+        let why = "named so, and the header names the unit";
+        return (unit.name(), Found::new(why, Confidence::Certain));
+    }
+    let [a, b] = [first, second].map(|place| &columns.table.columns[place].numbers);
+    let speed = |row: usize| a[row].hypot(b[row]);
+    if let Some((unit, ratio)) = speed_of_positions(columns, &speed, seconds) {
+        let why = format!(
+            "named so; the positions move {ratio:.2} times as fast as these numbers say in {unit}"
+        );
+        return (unit, Found::new(why, Confidence::Likely));
+    }
+    let is_whole = [first, second, third]
+        .iter()
+        .all(|place| columns.is_whole(*place));
+    let unit = position_unit(columns).map(|(_, _, unit)| unit);
+    if is_whole && unit == Some(CoordinateUnit::TenMillionths) {
+        let why = "named so; whole numbers beside ten-millionths of a degree, taken in mm/s as u-blox receivers write them";
+        return ("mm-per-s", Found::new(why, Confidence::Likely));
+    }
+    (
+        "m-per-s",
+        Found::new("named so; taken in m/s", Confidence::Likely),
+    )
+}
+
 /// The unit in which a speed is that of the positions, and how well: over moving rows the median of the quotients.
 fn speed_of_positions(
     columns: &Columns<'_>,
-    speed: usize,
+    speed: &dyn Fn(usize) -> f64,
     seconds: &[f64],
 ) -> Option<(&'static str, f64)> {
-    let numbers = |place: usize| &columns.table.columns[place].numbers;
-    let latitude = numbers(columns.find(Single::Latitude)?);
-    let longitude = numbers(columns.find(Single::Longitude)?);
-    if latitude.iter().any(|x| x.abs() > 90.0) {
-        return None;
-    }
+    let (latitude, longitude, unit) = position_unit(columns)?;
+    let at = |place: usize, row: usize| degrees(unit, columns.table.columns[place].numbers[row]);
     // Rows in which the position is new.
     let mut rows: Vec<usize> = Vec::new();
-    for row in 0..columns.table.rows {
+    for row in (0..columns.table.rows).filter(|row| columns.has_position(*row, latitude, longitude))
+    {
         let is_new = rows
             .last()
-            .is_none_or(|last| (latitude[*last] - latitude[row]).abs() > 0.0);
-        if is_new && latitude[row].is_finite() && longitude[row].is_finite() {
+            .is_none_or(|last| (at(latitude, *last) - at(latitude, row)).abs() > 0.0);
+        if is_new {
             rows.push(row);
         }
     }
@@ -222,12 +209,12 @@ fn speed_of_positions(
     for pair in rows.windows(2) {
         let (from, to) = (pair[0], pair[1]);
         let origin = LocalPlane {
-            latitude_deg: latitude[from],
-            longitude_deg: longitude[from],
+            latitude_deg: at(latitude, from),
+            longitude_deg: at(longitude, from),
         };
-        let (north, east) = origin.place(latitude[to], longitude[to]);
+        let (north, east) = origin.place(at(latitude, to), at(longitude, to));
         let moved = north.hypot(east) / (seconds[to] - seconds[from]);
-        let said = numbers(speed)[to];
+        let said = speed(to);
         if moved > 2.0 && said > 1.0 && moved.is_finite() {
             quotients.push(moved / said);
         }

@@ -41,8 +41,9 @@ fn vertical(rows: &[([f64; 4], Vector3<f64>)], is_scalar_last: bool, is_inverse:
 
 impl Writing {
     /// Of the rows of a file: the four numbers as they stand (w first where their names say so) and the specific force.
-    /// The right way turns the force to the vertical at all times; where the device hardly turned all ways do.
-    pub(super) fn of(rows: &[([f64; 4], Vector3<f64>)], is_ordered: bool) -> Self {
+    /// The right way turns the force to the vertical at all times; where the device hardly turned all ways do. `has_force` says
+    /// whether any of the tables has an accelerometer on the clock of these rows.
+    pub(super) fn of(rows: &[([f64; 4], Vector3<f64>)], is_ordered: bool, has_force: bool) -> Self {
         const WAYS: [(bool, bool); 4] =
             [(false, false), (false, true), (true, false), (true, true)];
         let told = |is_last: bool| if is_last { "xyzw" } else { "wxyz" };
@@ -65,9 +66,19 @@ impl Writing {
         if !is_clear {
             // As they are usually written; the vertical is told even by a device at rest.
             let is_down = rows.len() >= LEAST_ROWS && vertical(rows, false, false) < -0.8;
+            let because = match (has_force, rows.len() >= LEAST_ROWS) {
+                (false, _) => "no table has an accelerometer on its clock".to_owned(),
+                (true, false) => {
+                    "the accelerometer has samples at fewer than 30 of its times".to_owned()
+                }
+                (true, true) => format!(
+                    "the best way turns the accelerometer to the vertical for {:.1} % of its length, the next best for {:.1} %",
+                    100.0 * share.abs(),
+                    100.0 * next.abs()
+                ),
+            };
             let why = format!(
-                "it cannot be told which way it turns vectors: no accelerometer beside it, or hardly a turn; w first, body \
-                 to world and z {} are taken",
+                "it cannot be told which way it turns vectors: {because}; w first, body to world and z {} are taken",
                 if is_down { "down" } else { "up" }
             );
             return Self {
@@ -121,7 +132,7 @@ mod tests {
                 rows.iter().map(row).collect()
             };
             for (last, inverse) in [(false, false), (false, true), (true, false), (true, true)] {
-                let found = Writing::of(&made(last, inverse), !last);
+                let found = Writing::of(&made(last, inverse), !last, true);
                 assert_eq!(found.order, if last { "xyzw" } else { "wxyz" });
                 assert_eq!(found.direction == "world-to-body", inverse);
                 assert_eq!(found.is_down, down);
@@ -133,9 +144,12 @@ mod tests {
     #[test]
     fn at_rest_it_is_assumed_and_said() {
         let rows = vec![([1.0, 0.0, 0.0, 0.0], Vector3::new(0.0, 0.0, -9.81)); 100];
-        let found = Writing::of(&rows, true);
+        let found = Writing::of(&rows, true, true);
         assert_eq!(found.found.confidence, Confidence::Assumed);
         assert!(found.is_down);
         assert!(found.found.why.contains("z down"), "{}", found.found.why);
+        assert!(!found.found.why.contains("no table has"));
+        let alone = Writing::of(&[], true, false);
+        assert!(alone.found.why.contains("no table has an accelerometer"));
     }
 }

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+use super::names::are_units;
 use crate::error::{RecordingError, Result};
 use crate::limits::LINE;
 use crate::numpy::open_table;
@@ -35,6 +36,9 @@ pub(super) struct Form {
     pub(super) skip_rows: usize,
     /// Whether a row names the columns.
     pub(super) header: bool,
+    /// The line of the names where one of units is below it; both are among the lines before the first row then, and columns are
+    /// known by number.
+    pub(super) names_above: Option<usize>,
     /// What lines within the rows begin with that are none.
     pub(super) comment: Option<char>,
 }
@@ -119,9 +123,17 @@ impl Table {
     /// Without rows yet.
     fn empty(form: Form, head: &[String]) -> Self {
         let first = form.cells(&head[form.first_row()]);
-        let names = match form.header {
-            true => form.cells(&head[form.skip_rows]),
-            false => vec![String::new(); first.len()],
+        let names = match (form.names_above, form.header) {
+            (Some(line), _) => {
+                let named = form.cells(&head[line]).into_iter();
+                let units = form.cells(&head[line + 1]).into_iter();
+                named
+                    .zip(units)
+                    .map(|(name, unit)| with_unit(&name, &unit))
+                    .collect()
+            }
+            (None, true) => form.cells(&head[form.skip_rows]),
+            (None, false) => vec![String::new(); first.len()],
         };
         let column = |name: String| Column {
             name: name.trim_start_matches('\u{feff}').to_owned(),
@@ -163,6 +175,15 @@ impl Table {
                 column.first = cell;
             }
         }
+    }
+}
+
+/// A name and the unit below it as one name.
+fn with_unit(name: &str, unit: &str) -> String {
+    let unit = unit.trim_matches(|c| matches!(c, '[' | ']' | '(' | ')'));
+    match unit {
+        "" | "-" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
     }
 }
 
@@ -235,6 +256,7 @@ impl Form {
             decimal_comma,
             skip_rows: 0,
             header: false,
+            names_above: None,
             comment: None,
         };
         let body: Vec<(usize, Vec<String>)> = (head.iter().enumerate())
@@ -262,13 +284,20 @@ impl Form {
         // The line before, which may begin as comments do, has as many names.
         let header = (0..first).rev().find(|line| !head[*line].trim().is_empty());
         if let Some(line) = header {
+            let are_names = |names: &[String]| {
+                names.len() == width
+                    && names
+                        .iter()
+                        .any(|n| n.chars().any(|c| c.is_ascii_alphabetic()))
+                    && names.iter().all(|n| form.number(n).is_none())
+            };
             let names = form.cells(&head[line]);
-            let are_names = names.len() == width
-                && names
-                    .iter()
-                    .any(|n| n.chars().any(|c| c.is_ascii_alphabetic()))
-                && names.iter().all(|n| form.number(n).is_none());
-            if are_names && line + 1 == first {
+            let above = line.checked_sub(1).filter(|above| {
+                names.len() == width && are_units(&names) && are_names(&form.cells(&head[*above]))
+            });
+            if line + 1 == first && above.is_some() {
+                form.names_above = above;
+            } else if line + 1 == first && are_names(&names) {
                 (form.header, form.skip_rows) = (true, line);
             }
         }

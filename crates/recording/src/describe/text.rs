@@ -34,10 +34,13 @@ impl Table {
 }
 
 /// The manifest.
-pub(super) fn of(files: &[Described], folder: &Path) -> String {
+pub(super) fn of(files: &[Described], remarks: &[String], folder: &Path) -> String {
     let mut text = String::from(
         "# A draft: what the columns are was guessed from their names and numbers. Check what is only likely or assumed.\n\n",
     );
+    for remark in remarks {
+        text.push_str(&format!("# {}\n\n", remark.replace('\n', " ")));
+    }
     let is_down = files.iter().any(|file| file.is_down);
     if is_down {
         text.push_str("world_frame = \"ned\"   # by the quaternions: z is down\n\n");

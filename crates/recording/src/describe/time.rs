@@ -60,6 +60,68 @@ impl Time {
         })
     }
 
+    /// The same with its rows counted, where its stamps are cut off: as many rows of every stamp, and all stamps as far apart.
+    pub(super) fn counted(&self, table: &Table) -> Option<Self> {
+        let column = self.columns.first()?;
+        let (rows, apart_s) = rows_of_stamps(&self.seconds).filter(|_| self.has_samples(table))?;
+        let rate_hz = (1e4 * rows / apart_s).round() / 1e4;
+        let why = format!(
+            "column `{}` has one stamp for about {rows:.0} rows, {apart_s:.3} s apart, so its times are cut off; the rows are counted in place \
+             of it",
+            table.shown(*column)
+        );
+        Some(self.with_rate(rate_hz, Found::new(why, Confidence::Likely)))
+    }
+
+    /// Whether rows with the stamp of the row before have other samples than that: they are neither held nor another sensor's.
+    fn has_samples(&self, table: &Table) -> bool {
+        let others = (0..table.columns.len()).filter(|place| !self.columns.contains(place));
+        let others: Vec<&[f64]> = others
+            .map(|place| &table.columns[place].numbers[..])
+            .collect();
+        let shared = (1..table.rows).filter(|row| self.is_shared(*row));
+        let (new, all) = shared.fold((0, 0), |(new, all), row| {
+            let is_new = others
+                .iter()
+                .any(|column| (column[row] - column[row - 1]).abs() > 0.0);
+            (new + usize::from(is_new), all + 1)
+        });
+        10 * new > 9 * all
+    }
+
+    /// Whether a row has the stamp of the one before.
+    fn is_shared(&self, row: usize) -> bool {
+        (self.seconds[row] - self.seconds[row - 1]).abs() <= 0.0
+    }
+
+    /// Whether most rows have the stamp of the one before.
+    pub(super) fn repeats(&self) -> bool {
+        let rows = self.seconds.len();
+        2 * (1..rows).filter(|row| self.is_shared(*row)).count() > rows
+    }
+
+    /// The first and the last stamp, s, of a table that has some.
+    pub(super) fn span_s(&self) -> Option<[f64; 2]> {
+        let finite = self.seconds.iter().copied().filter(|t| t.is_finite());
+        let [first, last] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[first, last], t| {
+            [first.min(t), last.max(t)]
+        });
+        (!self.columns.is_empty() && first <= last).then_some([first, last])
+    }
+
+    /// Without its stamps, the rows at a rate, Hz.
+    pub(super) fn with_rate(&self, rate_hz: f64, found: Found) -> Self {
+        Self {
+            columns: Vec::new(),
+            unit: "",
+            seconds: (0..self.seconds.len())
+                .map(|row| row as f64 / rate_hz)
+                .collect(),
+            rate_hz: Some(rate_hz),
+            found,
+        }
+    }
+
     /// Dates with a time of day, in one column or two.
     fn date(table: &Table) -> Option<Self> {
         let is_text = |column: &&Column| column.words * 2 > table.rows;
@@ -153,6 +215,38 @@ impl Time {
             found,
         })
     }
+}
+
+/// How many rows share a stamp, and how far stamps are apart, s, where many do and steadily.
+fn rows_of_stamps(seconds: &[f64]) -> Option<(f64, f64)> {
+    /// Stamps from which a rate is told; each has its rows to so large a part.
+    const FEWEST_STAMPS: usize = 5;
+    const STEADY: f64 = 0.1;
+    let (mut stamps, mut before): (Vec<(f64, f64)>, _) = (Vec::new(), f64::NAN);
+    for now in seconds {
+        match stamps.last_mut() {
+            Some((_, rows)) if (now - before).abs() <= 0.0 => *rows += 1.0,
+            _ => stamps.push((*now, 1.0)),
+        }
+        before = *now;
+    }
+    // The first and the last one may be cut.
+    let inner = stamps.get(1..stamps.len().saturating_sub(1))?;
+    if inner.len() < FEWEST_STAMPS {
+        return None;
+    }
+    let rows = inner.iter().map(|(_, rows)| rows).sum::<f64>() / inner.len() as f64;
+    let mut steps: Vec<f64> = stamps
+        .windows(2)
+        .map(|pair| pair[1].0 - pair[0].0)
+        .collect();
+    let is_steady = inner
+        .iter()
+        .all(|(_, n)| (n - rows).abs() <= (STEADY * rows).max(1.0));
+    let [least, most] = [f64::min, f64::max].map(|of| steps.iter().copied().fold(steps[0], of));
+    let apart_s = median(&mut steps);
+    let is_even = least > 0.99 * apart_s && most < 1.01 * apart_s;
+    (rows >= 2.0 && is_steady && is_even && apart_s > 0.0).then_some((rows, apart_s))
 }
 
 /// Why a table has no stamps: what is called a time, or looks like one, and why it is none.

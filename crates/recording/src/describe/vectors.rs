@@ -40,6 +40,26 @@ fn length(series: &Series) -> (f64, f64) {
     (middle, median(&mut apart) / middle)
 }
 
+/// Whether vectors turn, and more than their length changes: a field in the axes of a device does, whatever else has three numbers
+/// of some length (a latitude, a longitude and a height) does not.
+fn turns_at_one_length(series: &Series) -> bool {
+    /// Less is noise, rad.
+    const LEAST_TURN: f64 = 0.1;
+    const TURN_BY_CHANGE: f64 = 2.0;
+    let directions = series
+        .iter()
+        .filter_map(|(_, value)| value.try_normalize(0.0));
+    let (sum, count) = directions.fold((Vector3::zeros(), 0_usize), |(sum, n), v: Vector3<f64>| {
+        (sum + v, n + 1)
+    });
+    // Of directions that scatter by an angle the mean is shorter than 1 by half its square.
+    let angle = (2.0 * (1.0 - sum.norm() / count.max(1) as f64))
+        .max(0.0)
+        .sqrt();
+    let (_, spread) = length(series);
+    angle > LEAST_TURN && angle > TURN_BY_CHANGE * spread
+}
+
 /// Units by lengths: name, scale, from, to.
 type Lengths = [(&'static str, Option<f64>, f64, f64)];
 
@@ -79,7 +99,12 @@ fn of_length(group: &Group, lengths: &Lengths, series: &Series, what: &str) -> O
     let (middle, spread) = length(series);
     let found = by_length(lengths, middle).filter(|_| spread < 0.3);
     let (unit, scale) = found?;
-    let told = group.unit.map(|unit| unit.trim_start_matches('!'));
+    let told = group.unit.map(|unit| match unit.trim_start_matches('!') {
+        // The unit is read without regard to case, and nobody measures fields in g.
+        "g" if group.quantity.is_field() => "gauss",
+        "mg" if group.quantity.is_field() => "milligauss",
+        unit => unit,
+    });
     let agrees = told == Some(spelled(unit, scale).as_str());
     let name = spelled(unit, scale);
     let (why, confidence) = match told {
@@ -154,6 +179,9 @@ pub(super) fn accelerometer(group: &Group, series: &Series) -> Option<Vector> {
 
 /// The magnetometer: numbers with the length of the Earth's field.
 pub(super) fn magnetometer(group: &Group, series: &Series) -> Option<Vector> {
+    if group.quantity == Quantity::Other && !turns_at_one_length(series) {
+        return None;
+    }
     of_length(group, &FIELD, series, "the Earth's field")
 }
 

@@ -691,3 +691,293 @@ fn cells_with_a_line_inside_and_heights_in_feet_or_millimetres_are_read() {
     assert!((height("alt_ft", "1000", 1.0) - 304.8).abs() < 1e-9);
     assert!((height("hMSL", "300123", 1e7) - 300.123).abs() < 1e-9);
 }
+
+#[test]
+fn fixes_of_zeros_between_epochs_are_said_and_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..2000)
+        .map(|k| match k % 100 {
+            0 => format!(
+                "{:.2},{},8.5,300\n",
+                0.01 * f64::from(k),
+                47.0 + 1e-5 * f64::from(k)
+            ),
+            _ => format!("{:.2},0,0,0\n", 0.01 * f64::from(k)),
+        })
+        .collect();
+    let text = format!("time,latitude,longitude,altitude\n{rows}");
+    let (draft, events) = read(folder.path(), "a.csv", &text, None);
+    assert_eq!(events.len(), 20, "{}", draft.manifest);
+    assert!(
+        draft
+            .manifest
+            .contains("both are exactly 0 in 1980 of 2000 rows, which is taken as no fix"),
+        "{}",
+        draft.manifest
+    );
+}
+
+#[test]
+fn times_cut_to_whole_seconds_are_counted_and_a_rate_is_never_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = recording(&mut Random(12), 100.0, 30.0);
+    let clock = |k: usize| format!("23:59:{:02}", 20 + k / 100);
+    let text = slow("time", &rows, clock);
+    let (draft, events) = read(folder.path(), "a.csv", &text, None);
+    let why = "column `time` has one stamp for about 100 rows, 1.000 s apart";
+    assert!(
+        draft.manifest.contains(why) && draft.manifest.contains("rate_hz = 100.0"),
+        "{}",
+        draft.manifest
+    );
+    assert_eq!(events.len(), 2 * rows.len());
+    let (draft, _) = read(folder.path(), "a.csv", &text, Some(99.5));
+    assert!(
+        draft.manifest.contains("rate_hz = 99.5"),
+        "{}",
+        draft.manifest
+    );
+    // Samples that are held until the next stamp are no samples.
+    let lines: Vec<&str> = text.lines().collect();
+    let held = (0..rows.len()).map(|k| format!("{}\n", lines[1 + k - k % 100]));
+    let held = format!("{}\n{}", lines[0], held.collect::<String>());
+    let (text, _) = draft_of(folder.path(), &held);
+    assert!(text.contains("unit = \"time-of-day\""), "{text}");
+    // Stamps that are good make a rate senseless.
+    let path = folder.path().join("b.csv");
+    std::fs::write(
+        &path,
+        slow("t_s", &rows, |k| format!("{:.2}", k as f64 * 0.01)),
+    )
+    .unwrap();
+    let refused = northing_recording::describe::draft(&[path], folder.path(), Some(100.0));
+    let refused = refused.unwrap_err().to_string();
+    assert!(
+        refused.contains("column `t_s`") && refused.contains("leave --rate out"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn gauss_of_a_magnetometer_is_no_g() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = recording(&mut Random(5), 100.0, 20.0);
+    for (header, factor, unit) in [("G", 0.01, "gauss"), ("mG", 10.0, "milligauss")] {
+        let lines = plain(&rows, |r| {
+            let (w, f, m) = (r.rate, r.force, r.field * factor);
+            vec![r.t, w.x, w.y, w.z, f.x, f.y, f.z, m.x, m.y, m.z]
+        });
+        let text =
+            format!("t_s,gx,gy,gz,ax,ay,az,Mx [{header}],My [{header}],Mz [{header}]\n{lines}");
+        let (draft, _) = read(folder.path(), "a.csv", &text, None);
+        assert!(
+            draft.manifest.contains(&format!("unit = \"{unit}\"")),
+            "{}",
+            draft.manifest
+        );
+        assert_eq!(sure(&draft, "magnetometer"), Confidence::Certain);
+        assert!(
+            !draft.manifest.contains("as the header says"),
+            "{}",
+            draft.manifest
+        );
+    }
+}
+
+/// Quaternions are told by the accelerometer of another file, by the stamps of both.
+#[test]
+fn a_reference_in_a_file_of_its_own_is_told_by_the_accelerometer_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = recording(&mut Random(21), 100.0, 30.0);
+    let write = |name: &str, header: &str, text: String| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("{header}\n{text}")).unwrap();
+        path
+    };
+    let imu = slow("time_us", &rows, |k| {
+        format!("{}", 5_000_000_000_u64 + 10_000 * k as u64)
+    });
+    let imu = {
+        let path = folder.path().join("imu.csv");
+        std::fs::write(&path, imu).unwrap();
+        path
+    };
+    let reference = |offset_s: f64| {
+        let inverse = plain(&rows[..], |r| {
+            let q = r.attitude.inverse();
+            vec![r.t + offset_s, q.i, q.j, q.k, q.w]
+        });
+        write("ref.csv", "t,ref_1,ref_2,ref_3,ref_4", inverse)
+    };
+    let made = draft(&[imu.clone(), reference(5000.003)], folder.path(), None).unwrap();
+    for line in ["order = \"xyzw\"", "direction = \"world-to-body\""] {
+        assert!(made.manifest.contains(line), "{}", made.manifest);
+    }
+    assert!(made.remarks.is_empty(), "{:?}", made.remarks);
+    // Of another time it cannot be told, and the reason is not that there is no accelerometer.
+    let made = draft(&[imu, reference(41_000.0)], folder.path(), None).unwrap();
+    assert!(
+        made.manifest
+            .contains("the accelerometer has samples at fewer than 30 of its times"),
+        "{}",
+        made.manifest
+    );
+    let [remark] = &made.remarks[..] else {
+        panic!("{:?}", made.remarks)
+    };
+    assert!(
+        remark.starts_with(
+            "ref.csv has times from 41000.000 to 41029.990 s, imu.csv from 5000.000 to 5029.990 s"
+        ) && remark.contains("time_offset_s")
+            && made.manifest.contains(remark),
+        "{remark}"
+    );
+}
+
+#[test]
+fn columns_of_u_blox_are_millimetres_where_the_height_is() {
+    let folder = tempfile::tempdir().unwrap();
+    for moving in [0.0, 1.0] {
+        let rows: String = (0..60)
+            .map(|k| {
+                let north = 487_000_000 + (moving * 1800.0 * f64::from(k)) as i64;
+                let speed = (moving * 20_000.0) as i64 + 100;
+                format!(
+                    "{},{north},91000123,303372,{speed},20,-25,1500,2000\n",
+                    1000 * k
+                )
+            })
+            .collect();
+        let text = format!("time_ms,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc\n{rows}");
+        let (draft, events) = read(folder.path(), "a.csv", &text, None);
+        for line in ["accuracy_unit = \"mm\"", "speed_unit = \"mm-per-s\""] {
+            assert!(draft.manifest.contains(line), "{}", draft.manifest);
+        }
+        assert!(events.iter().any(|event| matches!(
+            event.sample,
+            Sample::GnssPosition(fix) if fix.std_m.is_some_and(|std| (std[2] - 2.0).abs() < 1e-9)
+        )));
+    }
+}
+
+#[test]
+fn degrees_with_minutes_are_read_and_what_is_no_position_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = |latitude: f64, beside: &str| {
+        let rows: String = (0..40)
+            .map(|k| {
+                let t = f64::from(k);
+                format!(
+                    "{k},{:.5},{beside},{:.5},E,300\n",
+                    latitude + 0.01 * t,
+                    906.0 + 0.002 * t
+                )
+            })
+            .collect();
+        format!("time_s,lat,ns,lon,ew,alt\n{rows}")
+    };
+    let (draft, events) = read(folder.path(), "a.csv", &text(4841.9, "N"), None);
+    assert!(
+        draft.manifest.contains("unit = \"deg-min\""),
+        "{}",
+        draft.manifest
+    );
+    let Sample::GnssPosition(fix) = events[0].sample else {
+        panic!("{:?}", events[0])
+    };
+    assert!((fix.latitude_rad.to_degrees() - 48.0 - 41.9 / 60.0).abs() < 1e-9);
+    // Beside a sensor that is found.
+    let imu = slow("t_s", &recording(&mut Random(3), 100.0, 20.0), |k| {
+        format!("{:.2}", k as f64 * 0.01)
+    });
+    let paths = ["imu.csv", "fixes.csv"].map(|name| folder.path().join(name));
+    std::fs::write(&paths[0], imu).unwrap();
+    for (fixes, why) in [
+        (text(4871.9, "N"), "which are no degrees, radians"),
+        (text(4841.9, "S"), "`ns` beside it says S"),
+    ] {
+        std::fs::write(&paths[1], fixes).unwrap();
+        let made = draft_of_files(&paths, folder.path());
+        let is_told = made.remarks.iter().any(|remark| {
+            remark.starts_with("fixes.csv: lat, lon are called a position, but are not used")
+                && remark.contains(why)
+        });
+        assert!(is_told, "{:?}", made.remarks);
+        let alone =
+            northing_recording::describe::draft(&paths[1..], folder.path(), None).unwrap_err();
+        assert!(alone.to_string().contains(why), "{alone}");
+    }
+}
+
+fn draft_of_files(paths: &[PathBuf], folder: &Path) -> Draft {
+    draft(paths, folder, None).unwrap()
+}
+
+/// Numbers of the length of a field that do not turn are a position, or anything else.
+#[test]
+fn a_latitude_a_longitude_and_a_height_of_unknown_names_are_no_magnetometer() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..240)
+        .map(|k| {
+            let t = f64::from(k);
+            format!(
+                "{k},{:.7},{:.7},{:.2}\n",
+                48.7 + 1e-5 * t,
+                9.1 + 2e-5 * t,
+                303.0 + (0.1 * t).sin()
+            )
+        })
+        .collect();
+    let fixes = folder.path().join("fixes.csv");
+    std::fs::write(&fixes, format!("t_s,Breite,Länge,Höhe\n{rows}")).unwrap();
+    let imu = folder.path().join("imu.csv");
+    let stamps = |k: usize| format!("{:.2}", k as f64 * 0.01);
+    std::fs::write(
+        &imu,
+        slow("t_s", &recording(&mut Random(3), 100.0, 20.0), stamps),
+    )
+    .unwrap();
+    let made = draft_of_files(&[imu, fixes], folder.path());
+    assert!(
+        !made.manifest.contains("magnetometer")
+            && made.manifest.contains(
+                "# fixes.csv is left out: no sensor was recognised in Breite, Länge, Höhe."
+            ),
+        "{}",
+        made.manifest
+    );
+}
+
+#[test]
+fn a_line_of_units_below_the_names_belongs_to_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = recording(&mut Random(8), 100.0, 20.0);
+    let degrees = 180.0 / std::f64::consts::PI;
+    let lines = plain(&rows, |r| {
+        let (w, f, m, q) = (
+            r.rate * degrees,
+            r.force / 9.80665e-3,
+            r.field * 10.0,
+            r.attitude,
+        );
+        vec![
+            r.t, w.x, w.y, w.z, f.x, f.y, f.z, m.x, m.y, m.z, q.i, q.j, q.k, q.w,
+        ]
+    });
+    let text = format!(
+        "time,gyr_x,gyr_y,gyr_z,acc_x,acc_y,acc_z,mag_x,mag_y,mag_z,ref_x,ref_y,ref_z,ref_w\n\
+         s,deg/s,deg/s,deg/s,mg,mg,mg,mG,mG,mG,-,-,-,-\n{lines}"
+    );
+    let (draft, events) = read(folder.path(), "a.csv", &text, None);
+    assert!(draft.manifest.contains("[reference]"), "{}", draft.manifest);
+    for key in ["time", "gyroscope", "accelerometer", "magnetometer"] {
+        assert_eq!(sure(&draft, key), Confidence::Certain, "{}", draft.manifest);
+    }
+    let mut read = rows.iter();
+    for event in &events {
+        if let Sample::SpecificForce(force) = event.sample {
+            assert!(near(force, read.next().unwrap().force), "{event:?}");
+        }
+    }
+    assert!(read.next().is_none());
+}
