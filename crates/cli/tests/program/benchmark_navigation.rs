@@ -50,7 +50,7 @@ fn lab() -> Lab {
     std::fs::create_dir_all(lab.path("drives/deeper")).unwrap();
     lab.write("drives/held_out.csv", drive(None, false));
     lab.write("drives/reference.csv", drive(None, true));
-    lab.write("drives/deeper/stale.csv", drive(Some([0.0, 0.0]), true));
+    lab.write("drives/deeper/stale.csv", drive(Some([0.01, 0.01]), true));
     lab
 }
 

@@ -329,7 +329,10 @@ fn a_tune_says_what_became_of_the_error_against_another_files_reference() {
     };
     lab.succeeds(&["convert", "car.toml", "car.csv"]);
     // The fixes themselves, to which the last fix is nearest.
-    contains(&tune("car.csv"), &["the reference", "m before,"]);
+    contains(
+        &tune("car.csv"),
+        &["reference, which the fit does not see", "m before,"],
+    );
     lab.write(
         "turns.csv",
         "# world_frame: ned\nt_s,ref_qw,ref_qx,ref_qy,ref_qz\n0,1,0,0,0\n1,1,0,0,0\n2,1,0,0,0\n",

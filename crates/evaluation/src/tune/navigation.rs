@@ -166,12 +166,12 @@ mod tests {
             ..TuneOptions::default()
         };
         let fixes = events(7, 4.0);
-        let with = |of: fn(GnssPosition) -> GnssPosition| -> Vec<Event> {
+        let with = |of: fn(i64, GnssPosition) -> GnssPosition| -> Vec<Event> {
             let both = fixes.iter().flat_map(|event| {
                 let Sample::GnssPosition(fix) = event.sample else {
                     return vec![*event];
                 };
-                let sample = Sample::ReferencePosition(of(fix));
+                let sample = Sample::ReferencePosition(of(event.time_ns, fix));
                 vec![*event, Event { sample, ..*event }]
             });
             both.collect()
@@ -180,7 +180,8 @@ mod tests {
             |events: &[Event]| tune(events, WorldFrame::Ned, &options, &asked, &|| true).unwrap();
         assert_eq!(tuned(&fixes).reference_error_m, None);
         // The straight course itself: a smaller walk is nearer to it.
-        let course = tuned(&with(|fix| GnssPosition {
+        let course = tuned(&with(|time_ns, fix| GnssPosition {
+            latitude_rad: 0.9 + 5.0 * (time_ns as f64 * 1e-9) / 6.37e6,
             longitude_rad: 0.1,
             ..fix
         }));
@@ -190,7 +191,7 @@ mod tests {
             "{before} {after}"
         );
         // The fixes themselves: a larger walk is nearer to them.
-        let noise = tuned(&with(|fix| fix));
+        let noise = tuned(&with(|_, fix| fix));
         assert!(noise.after.held_out < noise.before.held_out && noise.is_worse_at_reference());
     }
 

@@ -181,7 +181,7 @@ fn one_fix_and_fixes_that_never_agree() {
     // Compass and log carry the boat on from it.
     assert!(summary.position.unwrap().horizontal_rmse_m < 5.0);
 
-    let wild = voyage(|k| Some(place((k * 7 % 80) as f64, (k * 37 % 170) as f64)));
+    let wild = voyage(|k| Some(place(0.5 + (k * 7 % 80) as f64, (k * 37 % 170) as f64)));
     let message = run(NavigationKind::ErrorState, wild)
         .unwrap_err()
         .to_string();

@@ -743,7 +743,7 @@ fn times_cut_to_whole_seconds_are_counted_and_a_rate_is_never_ignored() {
     let held = format!("{}\n{}", lines[0], held.collect::<String>());
     let (text, _) = draft_of(folder.path(), &held);
     assert!(text.contains("unit = \"time-of-day\""), "{text}");
-    // Stamps that are good make a rate senseless.
+    // Stamps that are good make a rate invalid.
     let path = folder.path().join("b.csv");
     std::fs::write(
         &path,

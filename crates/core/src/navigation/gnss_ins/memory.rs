@@ -54,8 +54,10 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) bias_steps: BiasSteps<T>,
     /// The last position that was given, to see one that is repeated.
     pub(super) last_position: Option<Vector3<T>>,
-    /// When it was given first, or counted again.
-    pub(super) position_told_ns: i64,
+    /// When it was last given and counted, and when it last differed from the one before.
+    pub(super) position_stamps: [Option<i64>; 2],
+    /// The usual time between two positions that differ, s; zero before there were two.
+    pub(super) position_interval: T,
     /// What rounding has done to it since, m.
     pub(super) repeated_within: T,
     /// Whether the receiver repeats a position from which the body has gone.
@@ -145,7 +147,8 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             judged_ns: None,
             bias_steps: BiasSteps::default(),
             last_position: None,
-            position_told_ns: 0,
+            position_stamps: [None; 2],
+            position_interval: T::zero(),
             repeated_within: T::zero(),
             frozen: false,
             last_velocity: None,
@@ -211,6 +214,7 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
             &self.unfed_s,
             &self.fastest,
             &self.repeated_within,
+            &self.position_interval,
         ]);
         finite("start", start)?;
         expect("start", self.unfed <= HISTORY, "within the history")?;

@@ -10,7 +10,7 @@ use crate::navigation::aiding::gnss_position::{self, GnssPosition};
 use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
 use crate::navigation::augmented_states::{GNSS_OFFSET, TIME_OFFSET};
 use crate::navigation::error_state::SparseMeasurement;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lit, seconds};
 
 /// Positions further than this from the origin (m) are not on this Earth, and with a larger standard deviation (m) no fixes.
 const FURTHEST_M: f64 = 2e7;
@@ -22,9 +22,10 @@ const VERTICAL_FLOOR: f64 = 2.5;
 /// A receiver's velocity (m/s) below which it stands, beside its noise, and for how long after (ns).
 const RECEIVER_STANDS_M_S: f64 = 0.1;
 const RECEIVER_STANDS_NS: i64 = 700_000_000;
-/// A position that repeats itself counts as measured again after this time: tables tell the last one in every row. That of a receiver of 1 Hz
-/// counts always, whatever its stamps do.
-const HELD_NS: i64 = 900_000_000;
+/// A position that repeats itself sooner than after this share of the usual time between two that differ is told again by a table.
+const HELD_SHARE: f64 = 0.5;
+/// Weight of a longer time between two positions in the usual one; a shorter one is the usual one at once.
+const LONGER: f64 = 0.1;
 
 /// What a position told, horizontally and vertically: each has its own weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,16 +111,31 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         Ok(update)
     }
 
-    /// Whether a position is the last one that a table tells in every row until the next comes. One that stays the same for longer, of
-    /// a receiver that stands, counts once in [`HELD_NS`].
+    /// Whether a position is the last one, which a table tells in every row until the next comes. Those of a receiver that stands come
+    /// as seldom as others do.
     fn is_told_again(&mut self, time_ns: i64, repeated: bool) -> bool {
-        let told_ns = &mut self.memory.position_told_ns;
-        let passed_ns = time_ns.saturating_sub(*told_ns);
-        let is_held = repeated && (0..HELD_NS).contains(&passed_ns);
-        if !is_held {
-            *told_ns = time_ns;
+        let memory = &mut self.memory;
+        let [told, changed] = memory.position_stamps.map(|stamp| match stamp {
+            Some(before_ns) if before_ns < time_ns => seconds(before_ns, time_ns),
+            _ => T::zero(),
+        });
+        let usual = &mut memory.position_interval;
+        if repeated && told > T::zero() && told < *usual * lit(HELD_SHARE) {
+            return true;
         }
-        is_held
+        let [told_ns, changed_ns] = &mut memory.position_stamps;
+        *told_ns = Some(time_ns);
+        if !repeated {
+            *changed_ns = Some(time_ns);
+            let longer = *usual + (changed.min(*usual + *usual) - *usual) * lit(LONGER);
+            let is_first = *usual <= T::zero();
+            *usual = if is_first {
+                changed
+            } else {
+                longer.min(changed)
+            };
+        }
+        false
     }
 
     pub(super) fn fuse_position(

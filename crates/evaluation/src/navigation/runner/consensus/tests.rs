@@ -69,16 +69,16 @@ fn stale_and_repeated_first_fixes_are_left_out() {
         fix(2.0, NEAR, 2.0),
     ];
     assert_eq!(fates(&events).unwrap(), [vec![1.0, 2.0], vec![0.0]]);
-    // 0, 0 again and again is no agreement.
+    // One place again and again is no agreement.
     let mut events: Vec<_> = (0..10)
-        .map(|k| fix(f64::from(k), [0.0, 0.0], 5.0))
+        .map(|k| fix(f64::from(k), [0.01, 0.01], 5.0))
         .collect();
     events.extend([fix(10.0, HERE, 2.0), rate(10.5), fix(11.0, NEAR, 2.0)]);
     let [taken, left_out] = fates(&events).unwrap();
     assert_eq!((taken, left_out.len()), (vec![10.0, 11.0], 10));
     // Nor does a fix that knows nothing agree with everything.
     let events = [
-        fix(0.0, [0.0, 0.0], 9e4),
+        fix(0.0, [0.01, 0.01], 9e4),
         fix(1.0, HERE, 2.0),
         fix(2.0, NEAR, 2.0),
     ];
@@ -111,7 +111,7 @@ fn fixes_that_never_agree_are_an_error() {
         .map(|k| {
             fix(
                 f64::from(k),
-                [f64::from(k % 80), f64::from(k * 37 % 170)],
+                [0.5 + f64::from(k % 80), f64::from(k * 37 % 170)],
                 2.0,
             )
         })
