@@ -256,7 +256,7 @@ fn against_reference(outcome: &TuneOutcome, is_asked: bool) -> String {
     };
     let against = match after > before {
         true => {
-            " The more likely parameters are the worse ones here: errors that last look like noise to the likelihood."
+            " The more likely parameters are the worse ones there: errors that last, of what is measured or of the reference, can do that."
         }
         false => "",
     };
