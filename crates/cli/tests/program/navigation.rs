@@ -334,10 +334,10 @@ fn a_tune_says_what_became_of_the_error_against_another_files_reference() {
         &["reference, which the fit does not see", "m before,"],
     );
     lab.write(
-        "turns.csv",
-        "# world_frame: ned\nt_s,ref_qw,ref_qx,ref_qy,ref_qz\n0,1,0,0,0\n1,1,0,0,0\n2,1,0,0,0\n",
+        "turns.tum",
+        "# world_frame: ned\n0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n",
     );
-    contains(&tune("turns.csv"), &["The reference was of no use"]);
+    contains(&tune("turns.tum"), &["The reference was of no use"]);
 }
 
 #[test]
