@@ -208,10 +208,9 @@ impl Diagnostics {
     /// What was heard of each topic and left out, and what could not be sent, one sentence each.
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
-        let inputs = self
-            .inputs
-            .values()
-            .filter(|input| input.heard > 0 || !input.left_out.is_empty());
+        let inputs = self.inputs.values().filter(|input| {
+            input.heard > 0 || !input.left_out.is_empty() || !input.doubts.is_empty()
+        });
         let heard = inputs.map(|input| {
             let mut text = format!("{}: {} messages taken", input.topic, input.heard);
             for (why, count) in &input.left_out {

@@ -246,7 +246,7 @@ mod tests {
         let tuned = |prediction_s: f64| {
             let asked = TuneOptions {
                 prediction_s,
-                ..asked(&["gyroscope_noise_density"])
+                ..asked(&["bounded_gyroscope_noise_density"])
             };
             tune(&phone(60.0), &options, &asked, &|| true)
         };
