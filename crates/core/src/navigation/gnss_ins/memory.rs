@@ -58,6 +58,9 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) position_stamps: [Option<i64>; 2],
     /// The usual time between two positions that differ, s; zero before there were two.
     pub(super) position_interval: T,
+    /// Whether positions are told again between, as a table does, and whether the last one was.
+    pub(super) is_held_by_table: bool,
+    pub(super) is_copied: bool,
     /// What rounding has done to it since, m.
     pub(super) repeated_within: T,
     /// Whether the receiver repeats a position from which the body has gone.
@@ -149,6 +152,8 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             last_position: None,
             position_stamps: [None; 2],
             position_interval: T::zero(),
+            is_held_by_table: false,
+            is_copied: false,
             repeated_within: T::zero(),
             frozen: false,
             last_velocity: None,

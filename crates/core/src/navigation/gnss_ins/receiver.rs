@@ -22,8 +22,10 @@ const VERTICAL_FLOOR: f64 = 2.5;
 /// A receiver's velocity (m/s) below which it stands, beside its noise, and for how long after (ns).
 const RECEIVER_STANDS_M_S: f64 = 0.1;
 const RECEIVER_STANDS_NS: i64 = 700_000_000;
-/// A position that repeats itself sooner than after this share of the usual time between two that differ is told again by a table.
+/// A position that repeats itself sooner than after this share of the usual time between two that differ is told again by a table, ...
 const HELD_SHARE: f64 = 0.5;
+/// ... which tells every position again; one that repeats itself after this share is one of a receiver that stands.
+const HELD_SHARE_OF_A_TABLE: f64 = 1.5;
 /// Weight of a longer time between two positions in the usual one; a shorter one is the usual one at once.
 const LONGER: f64 = 0.1;
 
@@ -120,11 +122,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             _ => T::zero(),
         });
         let usual = &mut memory.position_interval;
-        if repeated && told > T::zero() && told < *usual * lit(HELD_SHARE) {
+        let is_sooner = |share: f64| repeated && told > T::zero() && told < *usual * lit(share);
+        memory.is_copied |= is_sooner(HELD_SHARE);
+        memory.is_held_by_table |= memory.is_copied;
+        if memory.is_held_by_table && is_sooner(HELD_SHARE_OF_A_TABLE) {
             return true;
         }
         let [told_ns, changed_ns] = &mut memory.position_stamps;
         *told_ns = Some(time_ns);
+        // A position that none repeated: the table has ended.
+        memory.is_held_by_table &= memory.is_copied;
+        memory.is_copied = false;
         if !repeated {
             *changed_ns = Some(time_ns);
             let longer = *usual + (changed.min(*usual + *usual) - *usual) * lit(LONGER);
