@@ -58,8 +58,9 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) position_stamps: [Option<i64>; 2],
     /// The usual time between two positions that differ, s; zero before there were two.
     pub(super) position_interval: T,
-    /// Whether positions are told again between, as a table does, and whether the last one was.
+    /// Whether positions are told again between, as a table does.
     pub(super) is_held_by_table: bool,
+    /// Whether the last position that counted was.
     pub(super) is_copied: bool,
     /// What rounding has done to it since, m.
     pub(super) repeated_within: T,

@@ -24,7 +24,8 @@ const RECEIVER_STANDS_M_S: f64 = 0.1;
 const RECEIVER_STANDS_NS: i64 = 700_000_000;
 /// A position that repeats itself sooner than after this share of the usual time between two that differ is told again by a table, ...
 const HELD_SHARE: f64 = 0.5;
-/// ... which tells every position again; one that repeats itself after this share is one of a receiver that stands.
+/// ... which tells every position again; one that repeats itself after this share may be one of a receiver that stands: more than the one
+/// fix that is due, less than two.
 const HELD_SHARE_OF_A_TABLE: f64 = 1.5;
 /// Weight of a longer time between two positions in the usual one; a shorter one is the usual one at once.
 const LONGER: f64 = 0.1;
