@@ -451,6 +451,33 @@ fn values_that_repeat_are_rounded_too_coarsely() {
     );
 }
 
+/// A device that turns about the vertical with its iron above it: the strength of the field changes by a twentieth of the offset.
+#[test]
+fn hard_iron_along_the_axis_that_is_turned_about_is_no_other_axes() {
+    let mut events = Vec::new();
+    let mut noise = stream(5, "level");
+    for k in 0..8000_i64 {
+        let t = k as f64 * 0.01;
+        let attitude = |t: f64| {
+            UnitQuaternion::from_euler_angles(0.15 * (0.31 * t).sin(), 0.0, 1.2 * (0.2 * t).sin())
+        };
+        let rate = so3::log(&(attitude(t).inverse() * attitude(t + 0.01))) / 0.01;
+        let down = attitude(t).inverse();
+        let force = down * Vector3::new(0.0, 0.0, 9.81);
+        let field = down * Vector3::new(0.0, 13.0, -26.0) + Vector3::new(1.5, -4.0, 20.0);
+        let noisy = |v: Vector3<f64>, noise: &mut _, std: f64| v + normal_vector(noise, std);
+        let three = [
+            Sample::AngularRate(noisy(rate, &mut noise, STD[0])),
+            Sample::SpecificForce(noisy(force, &mut noise, STD[1])),
+            Sample::MagneticField(noisy(field, &mut noise, STD[2])),
+        ];
+        let time_ns = k * 10_000_000;
+        events.extend(three.map(|sample| Event { time_ns, sample }));
+    }
+    let (findings, _) = diagnosed(events);
+    assert_eq!(first(&findings), Some(Cause::HardIron), "{findings:?}");
+}
+
 /// Exchanged axes of a magnetometer are neither iron that turns with the device nor a magnet that came.
 #[test]
 fn axes_of_a_magnetometer_that_are_others_are_named_and_no_iron_is() {

@@ -70,6 +70,9 @@ pub struct FieldFit {
     pub change: Option<FieldChange>,
     /// Of a residual that the turn makes no worse, per axis, microtesla.
     pub residual_std_ut: f64,
+    /// By how much the strength of the field varies as it is measured, and without the offset, microtesla: what turns with the
+    /// device is taken out of it by the right offset, and put into it by one that is none.
+    pub strength_std_ut: [f64; 2],
     /// Residuals of the pairs, and their variances, per axis.
     pub residuals: Vec<(Vector3<f64>, f64)>,
 }
@@ -174,6 +177,8 @@ impl Iron {
             iron: fitted.iron(),
             change: fitted.change(pairs),
             residual_std_ut: fitted.variance.sqrt(),
+            strength_std_ut: [Vector3::zeros(), fitted.iron().offset_ut]
+                .map(|offset_ut| strength_std(pairs, &offset_ut)),
             residuals: fitted
                 .residuals
                 .iter()
@@ -182,6 +187,15 @@ impl Iron {
                 .collect(),
         })
     }
+}
+
+/// Standard deviation of the field's strength without an offset, microtesla.
+fn strength_std(pairs: &[Pair], offset_ut: &Vector3<f64>) -> f64 {
+    let length = |pair: &Pair| (pair.now - offset_ut).norm();
+    let n = pairs.len().max(1) as f64;
+    let mean = pairs.iter().map(length).sum::<f64>() / n;
+    let square = |pair: &Pair| (length(pair) - mean).powi(2);
+    (pairs.iter().map(square).sum::<f64>() / n).sqrt()
 }
 
 fn turn_variance(pair: &Pair) -> f64 {

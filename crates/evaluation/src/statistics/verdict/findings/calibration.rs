@@ -12,8 +12,10 @@ use super::{Cause, EXPLAINS, Finding, beyond_chance};
 /// What is named is so many standard deviations from nothing. By chance alone three numbers together are so in one fit of ten
 /// million; what else a fit of real samples is off by, nobody knows.
 const SIGMAS: f64 = 6.0;
-/// An offset that turns with the device changes the field's strength by more than this share of it, one standard deviation.
+/// A field whose strength varies by less than this share of what the turn leaves is not changed by a magnet that comes near.
 const STRENGTH_SHARE: f64 = 0.1;
+/// An offset that makes the strength of the field vary so many times more than it was measured is none.
+const NO_IRON: f64 = 2.0;
 /// A field that turns with the gyroscope leaves residuals of less than this share of its strength.
 const NOT_TURNING: f64 = 0.4;
 /// A jump is the best of a hundred instants where it may have been.
@@ -57,9 +59,11 @@ impl Diagnosis {
         }
         if let Some(fit) = &field {
             let not_turning = fit.residual_std_ut > NOT_TURNING * self.strength.mean;
-            // Iron that turns with the device, or comes near, changes the strength of the field.
+            // Iron that turns with the device changes the strength of the field by as much as its offset says: along the axis that
+            // is turned about, hardly. An offset that is none makes a strength vary that did not.
+            let [measured_ut, without_ut] = fit.strength_std_ut;
             let offset = fit.iron.offset_ut.norm();
-            let no_iron = self.keeps_its_strength(offset) && self.is_iron(fit, offset);
+            let no_iron = without_ut > NO_IRON * measured_ut && self.is_iron(fit, offset);
             if self.keeps_its_strength(fit.residual_std_ut) && (not_turning && gyroscope_is_right)
                 || no_iron
             {
@@ -133,10 +137,9 @@ impl Diagnosis {
         })
     }
 
-    /// Whether the field kept its strength where the turns show an offset of this size, microtesla: an offset that turns with the
-    /// device would have changed it.
-    fn keeps_its_strength(&self, offset_ut: f64) -> bool {
-        STRENGTH_SHARE * offset_ut > self.strength.std()
+    /// Whether the field kept its strength where the turns leave this much, microtesla.
+    fn keeps_its_strength(&self, left_ut: f64) -> bool {
+        STRENGTH_SHARE * left_ut > self.strength.std()
     }
 
     /// Of a gyroscope that gravity bears out, or of one that nothing does.
