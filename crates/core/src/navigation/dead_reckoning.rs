@@ -26,7 +26,7 @@
 
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector3, Vector4};
 
-use super::{Validity, ValidityLimits};
+use super::{HeldFixes, Validity, ValidityLimits};
 use crate::earth::FrameChange;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::kalman::gate::CHI_SQUARE;
@@ -40,8 +40,9 @@ use crate::scalar::{Scalar, lit};
 const LONGEST_STEP_S: f64 = 10.0;
 /// Fastest velocity through the water, m/s.
 const FASTEST: f64 = 100.0;
-/// So many fixes outside the gate in a row, and the state is what is wrong.
+/// So many fixes outside the gate in a row, and the state is what is wrong; after fixes that were told again it is one.
 const OUTLIERS_ACCEPTED: u8 = 5;
+const OUTLIERS_ACCEPTED_AFTER_COPIES: u8 = 1;
 /// Without a log the walk follows the innovations (R5): so fast, one outside the gate by so much at once, and its variance is so many
 /// times that of the parameter at most.
 const MANOEUVRE_GAIN: f64 = 0.2;
@@ -93,6 +94,12 @@ pub struct DeadReckoningState<T: Scalar> {
     pub outliers: u8,
     /// By how much the variance of the velocity's walk is larger than stated, as the innovations show; 1 or more (R5).
     pub manoeuvre: T,
+    /// The last fix, north, east, m, used or not.
+    pub last_fix: Option<Vector2<T>>,
+    /// Whether a table tells it again in every row.
+    pub held_fixes: HeldFixes<T>,
+    /// Whether a fix had the very digits of the one before it since one was used that had not (R6).
+    pub is_copied: bool,
 }
 
 /// The filter.
@@ -115,6 +122,10 @@ impl<T: Scalar> Restorable for DeadReckoning<T> {
         finite("velocity through the water", &state.water_velocity)?;
         not_negative("time since the last fix", &state.since_fix_s)?;
         not_negative("size of manoeuvres", &Some(state.manoeuvre))?;
+        if let Some(fix) = &state.last_fix {
+            finite("last fix", fix)?;
+        }
+        state.held_fixes.check()?;
         self.state = state;
         Ok(())
     }
@@ -137,6 +148,9 @@ impl<T: Scalar> DeadReckoning<T> {
                 since_fix_s: None,
                 outliers: 0,
                 manoeuvre: T::one(),
+                last_fix: None,
+                held_fixes: HeldFixes::default(),
+                is_copied: false,
             },
         })
     }
@@ -191,6 +205,8 @@ impl<T: Scalar> DeadReckoning<T> {
         state.state = turn * state.state;
         (state.state.x, state.state.y) = (place.x, place.y);
         state.water_velocity = turned * state.water_velocity;
+        // Its digits are others in the new frame.
+        state.last_fix = None;
         state.covariance = turn * state.covariance * turn.transpose();
         symmetrize(&mut state.covariance);
         place.z
@@ -241,6 +257,7 @@ impl<T: Scalar> DeadReckoning<T> {
         if dt > lit(LONGEST_STEP_S) {
             return Err(SkipReason::OutOfRange);
         }
+        self.state.held_fixes.advance(dt);
         let Some(since) = self.state.since_fix_s.filter(|_| dt > T::zero()) else {
             return Ok(());
         };
@@ -281,12 +298,18 @@ impl<T: Scalar> DeadReckoning<T> {
 
     /// Corrects with a position (m, north, east) and its standard deviation per axis. The first one starts
     /// the filter; one that jumps too far is left out, five times in a row, and then the position starts again
-    /// there, with the current kept; without a log the velocity starts again as well.
+    /// there, with the current kept; without a log the velocity starts again as well. One with the very digits of
+    /// the last is not used where a table tells every fix again, nor where the ship has gone on (R6).
     pub fn update_position(&mut self, position: &Vector2<T>, std: T) -> Innovation<T> {
         if let Err(reason) = check2(position, 1e8).and_then(|()| check_std(std)) {
             return Innovation::skipped(reason);
         }
         let variance = square_of(std);
+        let is_copy = self.state.last_fix.replace(*position) == Some(*position);
+        self.state.is_copied |= is_copy;
+        if self.state.held_fixes.is_told_again(is_copy) {
+            return Innovation::skipped(SkipReason::Repeated);
+        }
         if self.state.since_fix_s.is_none() {
             // Of the velocity of a vehicle without a log nothing is known.
             let std = match self.state.has_log {
@@ -300,11 +323,16 @@ impl<T: Scalar> DeadReckoning<T> {
         }
         let residual = position - self.position();
         let record = self.record(&residual, 0, variance, Outcome::Fused);
+        let is_outlier = record.nis > outlier_nis();
+        if is_copy && is_outlier && self.is_moving() {
+            return Innovation::skipped(SkipReason::Repeated);
+        }
         self.learn_manoeuvres(record.nis);
-        if record.nis > outlier_nis() {
+        if is_outlier {
             return self.outlier(position, variance, record);
         }
         self.state.outliers = 0;
+        self.state.is_copied &= is_copy;
         self.fuse(0, &residual, variance);
         self.state.since_fix_s = Some(T::zero());
         record
@@ -338,6 +366,12 @@ impl<T: Scalar> DeadReckoning<T> {
         record
     }
 
+    /// Whether the velocity over ground is none of a ship that lies still, as surely as an outlier is none of the noise.
+    fn is_moving(&self) -> bool {
+        let standing = self.record(&self.velocity(), 2, T::zero(), Outcome::Fused);
+        standing.nis > outlier_nis()
+    }
+
     /// Where innovations of two components are larger than their variance, the velocity walks faster than stated (R5).
     fn learn_manoeuvres(&mut self, nis: T) {
         if self.state.has_log || !nis.is_finite() {
@@ -359,8 +393,13 @@ impl<T: Scalar> DeadReckoning<T> {
         variance: T,
         record: Innovation<T>,
     ) -> Innovation<T> {
-        let accepted = self.state.outliers >= OUTLIERS_ACCEPTED;
+        let most = match self.state.is_copied {
+            true => OUTLIERS_ACCEPTED_AFTER_COPIES,
+            false => OUTLIERS_ACCEPTED,
+        };
+        let accepted = self.state.outliers >= most;
         if accepted {
+            self.state.is_copied = false;
             if !self.state.has_log {
                 for velocity in 2..4 {
                     self.forget(velocity, self.state.state[velocity], lit(FASTEST * FASTEST));

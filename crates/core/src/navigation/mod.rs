@@ -22,6 +22,7 @@ pub mod dead_reckoning;
 pub mod error_state;
 mod gauss_markov_bias;
 pub mod gnss_ins;
+pub mod held_fixes;
 pub mod history;
 pub mod in_motion_alignment;
 mod moved_origin;
@@ -39,6 +40,7 @@ pub use error_state::{
     ErrorStateConfig, ErrorStateFilter, GnssCompassFix, GnssCompassUpdate, NavigationState,
 };
 pub use gnss_ins::{Aid, GnssIns, GnssInsConfig, GnssInsState, GnssPositionUpdate};
+pub use held_fixes::HeldFixes;
 pub use in_motion_alignment::{InMotionAlignment, InMotionAlignmentConfig};
 pub use preintegration::Preintegration;
 pub use transition::ErrorTransition;

@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix2x4, Matrix4, Vector2, Vector4};
 
+use std::vec::Vec;
+
 use super::*;
 
 const STD: f64 = 2.5;
@@ -82,13 +84,76 @@ fn scalar_updates_in_place_equal_the_dense_joseph_form() {
 #[test]
 fn a_jump_is_left_out_until_it_has_come_six_times() {
     let mut filter = after(60, true);
-    let far = filter.position() + Vector2::new(900.0, 0.0);
+    let mut far = filter.position() + Vector2::new(900.0, 0.0);
     for _ in 0..5 {
         assert_eq!(filter.update_position(&far, STD).outcome, Outcome::Gated);
+        far.y += 0.5;
     }
     let current = filter.current();
     assert_eq!(filter.update_position(&far, STD).outcome, Outcome::Inflated);
     assert_eq!((filter.position(), filter.current()), (far, current));
+}
+
+/// A fix a second of a ship at 6 m/s to the east, the receiver frozen from one second to another; the error at each second.
+fn frozen(has_log: bool, from: u32, until: u32) -> Vec<f64> {
+    let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+    let errors = (0..120_u32).map(|k| {
+        let truth = Vector2::new(0.0, 6.0 * f64::from(k));
+        let told = match (from..until).contains(&k) {
+            true => from,
+            false => k,
+        };
+        let noise = Vector2::new((7.7 * f64::from(told)).sin(), (5.3 * f64::from(told)).cos());
+        let fix = Vector2::new(0.0, 6.0 * f64::from(told)) + noise;
+        if has_log {
+            filter.water_velocity(&Vector2::new(0.3, 5.5)).unwrap();
+        }
+        filter.update_position(&fix, 1.0);
+        let error = (filter.position() - truth).norm();
+        filter.propagate(1.0).unwrap();
+        error
+    });
+    errors.collect()
+}
+
+#[test]
+fn a_receiver_that_is_frozen_is_not_followed() {
+    let errors = frozen(true, 60, 90);
+    let worst = errors.iter().skip(5).copied().fold(0.0, f64::max);
+    assert!(worst < 6.0, "{worst}");
+    // Without a log the ship may have stopped; the second new fix tells that it has not.
+    let errors = frozen(false, 60, 90);
+    let after = errors.iter().skip(91).copied().fold(0.0, f64::max);
+    assert!(after < 3.0, "{errors:?}");
+}
+
+/// Each fix ten times, as in a table with a row for every inertial sample.
+#[test]
+fn a_fix_that_a_table_tells_again_is_used_once_while_the_ship_moves() {
+    let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+    let (mut used, mut worst) = (0, 0.0_f64);
+    for k in 0..600 {
+        let truth = Vector2::new(0.0, 0.6 * f64::from(k));
+        let told = f64::from(k / 10);
+        let fix = Vector2::new((7.7 * told).sin(), 6.0 * told + (5.3 * told).cos());
+        let done = filter.update_position(&fix, 1.0).outcome;
+        if k >= 300 {
+            used += usize::from(done.is_fused());
+            worst = worst.max((filter.position() - truth).norm());
+        }
+        filter.propagate(0.1).unwrap();
+    }
+    assert!(used == 30 && worst < 3.0, "{used} used, {worst} m");
+}
+
+#[test]
+fn a_ship_that_lies_still_uses_every_fix_of_the_same_digits() {
+    let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+    for _ in 0..600 {
+        let done = filter.update_position(&Vector2::new(3.0, 4.0), 1.0).outcome;
+        assert!(done.is_fused(), "{done:?}");
+        filter.propagate(1.0).unwrap();
+    }
 }
 
 /// A vehicle without a log that has done nothing for a minute and then turns with so much, m/s^2, a fix a second.

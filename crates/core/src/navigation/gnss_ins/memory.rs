@@ -15,7 +15,7 @@ use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::gauss_markov_bias::BiasAtRest;
 use crate::navigation::history::ImuHistory;
 use crate::navigation::in_motion_alignment::InMotionAlignmentState;
-use crate::navigation::{ErrorTransition, GnssVelocity, NavigationState};
+use crate::navigation::{ErrorTransition, GnssVelocity, HeldFixes, NavigationState};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -54,14 +54,9 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) bias_steps: BiasSteps<T>,
     /// The last position that was given, to see one that is repeated.
     pub(super) last_position: Option<Vector3<T>>,
-    /// When it was last given and counted, and when it last differed from the one before.
-    pub(super) position_stamps: [Option<i64>; 2],
-    /// The usual time between two positions that differ, s; zero before there were two.
-    pub(super) position_interval: T,
-    /// Whether positions are told again between, as a table does.
-    pub(super) is_held_by_table: bool,
-    /// Whether the last position that counted was.
-    pub(super) is_copied: bool,
+    /// Its stamp, and whether a table tells it again in every row.
+    pub(super) last_position_ns: Option<i64>,
+    pub(super) held_fixes: HeldFixes<T>,
     /// What rounding has done to it since, m.
     pub(super) repeated_within: T,
     /// Whether the receiver repeats a position from which the body has gone.
@@ -151,10 +146,8 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             judged_ns: None,
             bias_steps: BiasSteps::default(),
             last_position: None,
-            position_stamps: [None; 2],
-            position_interval: T::zero(),
-            is_held_by_table: false,
-            is_copied: false,
+            last_position_ns: None,
+            held_fixes: HeldFixes::default(),
             repeated_within: T::zero(),
             frozen: false,
             last_velocity: None,
@@ -220,9 +213,9 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
             &self.unfed_s,
             &self.fastest,
             &self.repeated_within,
-            &self.position_interval,
         ]);
         finite("start", start)?;
+        self.held_fixes.check()?;
         expect("start", self.unfed <= HISTORY, "within the history")?;
         finite("standstill", self.window.numbers())?;
         finite("standstill", self.quiet.numbers())?;

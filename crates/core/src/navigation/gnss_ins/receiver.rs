@@ -22,13 +22,6 @@ const VERTICAL_FLOOR: f64 = 2.5;
 /// A receiver's velocity (m/s) below which it stands, beside its noise, and for how long after (ns).
 const RECEIVER_STANDS_M_S: f64 = 0.1;
 const RECEIVER_STANDS_NS: i64 = 700_000_000;
-/// A position that repeats itself sooner than after this share of the usual time between two that differ is told again by a table, ...
-const HELD_SHARE: f64 = 0.5;
-/// ... which tells every position again; one that repeats itself after this share may be one of a receiver that stands: more than the one
-/// fix that is due, less than two.
-const HELD_SHARE_OF_A_TABLE: f64 = 1.5;
-/// Weight of a longer time between two positions in the usual one; a shorter one is the usual one at once.
-const LONGER: f64 = 0.1;
 
 /// What a position told, horizontally and vertically: each has its own weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,37 +107,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         Ok(update)
     }
 
-    /// Whether a position is the last one, which a table tells in every row until the next comes. Those of a receiver that stands come
-    /// as seldom as others do.
+    /// Whether a position is the last one, which a table tells in every row until the next comes.
     fn is_told_again(&mut self, time_ns: i64, repeated: bool) -> bool {
-        let memory = &mut self.memory;
-        let [told, changed] = memory.position_stamps.map(|stamp| match stamp {
-            Some(before_ns) if before_ns < time_ns => seconds(before_ns, time_ns),
-            _ => T::zero(),
-        });
-        let usual = &mut memory.position_interval;
-        let is_sooner = |share: f64| repeated && told > T::zero() && told < *usual * lit(share);
-        memory.is_copied |= is_sooner(HELD_SHARE);
-        memory.is_held_by_table |= memory.is_copied;
-        if memory.is_held_by_table && is_sooner(HELD_SHARE_OF_A_TABLE) {
-            return true;
-        }
-        let [told_ns, changed_ns] = &mut memory.position_stamps;
-        *told_ns = Some(time_ns);
-        // A position that none repeated: the table has ended.
-        memory.is_held_by_table &= memory.is_copied;
-        memory.is_copied = false;
-        if !repeated {
-            *changed_ns = Some(time_ns);
-            let longer = *usual + (changed.min(*usual + *usual) - *usual) * lit(LONGER);
-            let is_first = *usual <= T::zero();
-            *usual = if is_first {
-                changed
-            } else {
-                longer.min(changed)
-            };
-        }
-        false
+        let last_ns = self.memory.last_position_ns.replace(time_ns);
+        let held = &mut self.memory.held_fixes;
+        held.advance(last_ns.map_or_else(T::zero, |last_ns| seconds(last_ns, time_ns)));
+        held.is_told_again(repeated)
     }
 
     pub(super) fn fuse_position(
