@@ -9,7 +9,9 @@ use northing_core::attitude::axis_filters::{
     AxisFilters, AxisFiltersConfig, tilt_compensated_heading, tilt_of,
 };
 use northing_core::earth::{FrameChange, LocalFrame};
+use northing_core::faults::leaping_stamp::{LeapingStamp, Stamp};
 use northing_core::faults::sample_check::SampleCheck;
+use northing_core::faults::{Fault, FaultySensor};
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::Validity;
 use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
@@ -27,6 +29,8 @@ const REST_RATE: f64 = 0.1;
 const COURSE_ABOVE: f64 = 3.0;
 /// Longest interval between samples that is integrated, s.
 const LONGEST_STEP_S: f64 = 1.0;
+/// Stamps further ahead (s) are doubted until another goes on from them.
+const LONGEST_LEAP_S: f64 = 10.0;
 
 /// Sums over the first samples.
 #[derive(Debug, Clone, Copy, Default)]
@@ -71,6 +75,9 @@ pub(crate) struct AxisNavigator {
     position: PositionAxisFilters<f64>,
     /// Of angular rate and specific force.
     checks: [Checked; 2],
+    stamps: LeapingStamp,
+    /// A stamp that was false.
+    fault: Option<Fault<f64>>,
     frame: LocalFrame,
     fixes: u64,
     time_ns: Option<i64>,
@@ -92,12 +99,24 @@ impl AxisNavigator {
             rest_rate: Vector3::zeros(),
             position: PositionAxisFilters::new(position)?,
             checks: [Checked::default(); 2],
+            stamps: LeapingStamp::default(),
+            fault: None,
             frame: no_frame(),
             fixes: 0,
             time_ns: None,
             has_field: false,
             has_heading: false,
         })
+    }
+
+    /// Whether a stamp is far ahead, and no other sample has gone on from it.
+    fn leaps(&mut self, time_ns: i64) -> bool {
+        let sensor = Some(FaultySensor::Gyroscope);
+        let stamp = (self.stamps).look(sensor, self.time_ns, time_ns, LONGEST_LEAP_S);
+        if let Stamp::Refutes(fault) = stamp {
+            self.fault = fault;
+        }
+        matches!(stamp, Stamp::Doubted)
     }
 
     /// Gathers the start; ready once it is long enough.
@@ -190,6 +209,10 @@ impl AxisNavigator {
 }
 
 impl Navigator for AxisNavigator {
+    fn take_fault(&mut self) -> Option<Fault<f64>> {
+        self.fault.take()
+    }
+
     fn inertial(
         &mut self,
         time_ns: i64,
@@ -197,6 +220,9 @@ impl Navigator for AxisNavigator {
         force: &Vector3<f64>,
         told: &mut Vec<Told>,
     ) {
+        if self.leaps(time_ns) {
+            return;
+        }
         let last = self.time_ns.replace(time_ns);
         let [rates, forces] = &mut self.checks;
         let (rate, force) = (&rates.usable(time_ns, rate), &forces.usable(time_ns, force));

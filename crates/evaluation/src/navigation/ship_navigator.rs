@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Rotation2, UnitQuaternion, Vector2, Vector3};
 use northing_core::ConfigError;
 use northing_core::earth::{FrameChange, LocalFrame};
+use northing_core::faults::leaping_stamp::{LeapingStamp, Stamp};
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::{DeadReckoning, DeadReckoningConfig, Validity};
 
@@ -15,6 +16,8 @@ const STEP_S: f64 = 1.0;
 /// ... and that of gaps longer than ten minutes.
 const COARSE_STEP_S: f64 = 10.0;
 const FINE_S: f64 = 600.0;
+/// Stamps further ahead (s) are doubted until another goes on from them.
+const LONGEST_LEAP_S: f64 = 10.0;
 /// After ten days nothing becomes less certain, s.
 const LONGEST_GAP_S: f64 = 864_000.0;
 /// Variance of what is not estimated: the height, m^2.
@@ -25,6 +28,9 @@ pub(crate) struct ShipNavigator {
     filter: DeadReckoning<f64>,
     frame: LocalFrame,
     time_ns: Option<i64>,
+    stamps: LeapingStamp,
+    /// Whether the newest stamp is doubted.
+    is_doubted: bool,
     heading: Option<f64>,
     heading_std: f64,
     log: Option<Vector2<f64>>,
@@ -37,6 +43,8 @@ impl ShipNavigator {
             filter: DeadReckoning::new(config)?,
             frame: no_frame(),
             time_ns: None,
+            stamps: LeapingStamp::default(),
+            is_doubted: false,
             heading: None,
             heading_std: 0.0,
             log: None,
@@ -91,6 +99,11 @@ fn taken(result: Result<(), SkipReason>) -> Innovation<f64> {
 
 impl Navigator for ShipNavigator {
     fn advance_to(&mut self, time_ns: i64) {
+        let stamp = (self.stamps).look(None, self.time_ns, time_ns, LONGEST_LEAP_S);
+        self.is_doubted = matches!(stamp, Stamp::Doubted);
+        if self.is_doubted {
+            return;
+        }
         let last = self.time_ns.unwrap_or(time_ns);
         let mut left = seconds_between(last, time_ns).min(LONGEST_GAP_S);
         while left > 0.0 {
@@ -114,9 +127,13 @@ impl Navigator for ShipNavigator {
 
     fn inertial(&mut self, _: i64, _: &Vector3<f64>, _: &Vector3<f64>, _: &mut Vec<Told>) {}
 
-    fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
-        self.advance_to(time_ns);
-        told.push((aid.kind(), self.fuse(aid)));
+    /// The time has gone on to it before.
+    fn aid(&mut self, _: i64, aid: &Aid, told: &mut Vec<Told>) {
+        let done = match self.is_doubted {
+            true => Innovation::skipped(SkipReason::Suspect),
+            false => self.fuse(aid),
+        };
+        told.push((aid.kind(), done));
     }
 
     fn estimate(&mut self) -> Option<NavigationEstimate> {

@@ -92,6 +92,24 @@ fn faults_show_as_errors_in_what_they_concern() {
     assert!(back.recovered_share >= 0.66, "{back:?}");
 }
 
+/// One stamp an hour ahead, of the samples of one sensor, moves no filter's time on.
+#[test]
+fn a_false_stamp_costs_no_navigation_filter_anything() {
+    let outcome = Campaign {
+        subjects: vec![
+            Subject::Navigation(NavigationKind::ErrorState),
+            Subject::Navigation(NavigationKind::AxisFilters),
+            Subject::Navigation(NavigationKind::DeadReckoning),
+        ],
+        ..few(&["gyroscope-stamp-ahead"])
+    }
+    .run(&|| ());
+    assert_eq!(outcome.rows.len(), 3);
+    for row in &outcome.rows {
+        assert!((row.meets_share - 1.0).abs() < 1e-9, "{row:?}");
+    }
+}
+
 #[test]
 fn estimators_have_names_and_the_default_comes_first() {
     assert_eq!(Subject::every()[0].name(), "bounded-velocity");
