@@ -130,9 +130,11 @@ impl Channel {
     /// The columns that it reads.
     pub(crate) fn read(&self) -> impl Iterator<Item = usize> {
         let columns = &self.columns;
-        // One radius may stand for the standard deviations north and east.
-        let is_radius = columns[3].is_some() && columns[3] == columns[4];
-        let rest = &columns[3 + usize::from(is_radius)..];
+        // One radius may stand for the standard deviations north and east, and for the vertical one.
+        let radius = columns[3];
+        let is_radius = |column: &&Option<usize>| radius.is_some() && **column == radius;
+        let copies = columns[4..6].iter().take_while(is_radius).count();
+        let rest = &columns[3 + copies..];
         columns[..3]
             .iter()
             .chain(rest)

@@ -1,6 +1,10 @@
 //! Satellite navigation as samples: a position on the ellipsoid, a velocity over ground, and how far
 //! the receiver itself trusts them.
 
+/// The standard deviation of a height over the radius that the fix is within with 68 %, where only that is known: satellites
+/// are seen on one side only.
+pub const VERTICAL_OF_HORIZONTAL: f64 = 1.7;
+
 /// A position fix. Geodetic, WGS-84.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GnssPosition {

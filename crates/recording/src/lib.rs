@@ -81,7 +81,7 @@ pub use csv_writer::CsvWriter;
 pub use device_navigation::DeviceNavigation;
 pub use error::RecordingError;
 pub use event::{CompassHeading, Event, Reference, Sample, SensorKind, TrueHeading, WaterVelocity};
-pub use gnss::{GnssPosition, GnssQuality, GnssVelocity};
+pub use gnss::{GnssPosition, GnssQuality, GnssVelocity, VERTICAL_OF_HORIZONTAL};
 pub use issues::Issues;
 pub use local_place::LocalPlace;
 pub use metadata::{BodyAxes, Frames, Metadata, WorldFrame};

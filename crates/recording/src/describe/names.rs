@@ -360,6 +360,10 @@ pub(super) fn single(name: &str) -> Option<Single> {
         Single::HorizontalAccuracy
     } else if accuracy && (is(&["vacc", "v"]) || has("ver") || has("alt")) {
         Single::VerticalAccuracy
+    } else if words == ["accuracy"]
+        || accuracy && is(&["gps", "gnss", "loc", "location", "pos", "position"])
+    {
+        Single::HorizontalAccuracy
     } else if accuracy || is(&["sdn", "sde", "sdu"]) {
         return deviation(&words);
     } else if is(&["lat", "latitude"]) {

@@ -160,36 +160,46 @@ fn height(columns: &mut Columns<'_>, coordinates: CoordinateUnit) -> (Vec<String
     (remark.into_iter().collect(), unit == Some("mm"))
 }
 
-/// Writes the accuracies; what tells their unit beside the header. Receivers of u-blox write whole millimetres with ten-millionths
-/// of a degree.
+/// Writes the accuracies; what was taken for granted, and what tells their unit beside the header. Receivers of u-blox write whole
+/// millimetres with ten-millionths of a degree.
 fn accuracy(
     columns: &mut Columns<'_>,
     coordinates: CoordinateUnit,
     height_in_mm: bool,
-) -> Option<String> {
+) -> Vec<String> {
     /// Less accurate than any fix that is of use, m.
     const WORST_M: f64 = 100.0;
-    let wanted = [Single::HorizontalAccuracy, Single::VerticalAccuracy];
-    let [Some(horizontal), Some(vertical)] = wanted.map(|wanted| columns.find(wanted)) else {
-        return None;
+    let Some(horizontal) = columns.find(Single::HorizontalAccuracy) else {
+        return Vec::new();
     };
-    let [h, v] = [horizontal, vertical].map(|place| columns.table.called(place));
-    columns.lines.push(format!("accuracy = [{h}, {v}]"));
-    columns.used.extend([horizontal, vertical]);
+    let vertical = columns.find(Single::VerticalAccuracy);
+    let places: Vec<_> = [horizontal].into_iter().chain(vertical).collect();
+    let names: Vec<_> = (places.iter().map(|place| columns.table.called(*place))).collect();
+    columns
+        .lines
+        .push(format!("accuracy = [{}]", names.join(", ")));
+    columns.used.extend(&places);
+    let mut remarks = Vec::new();
+    if vertical.is_none() {
+        let name = &names[0];
+        remarks.push(format!(
+            "{name} is taken as the radius that 68 % are within"
+        ));
+    }
     let told = columns.told(horizontal);
     if let Some(told) = told.filter(|told| matches!(*told, "mm" | "ft")) {
         columns.lines.push(format!("accuracy_unit = \"{told}\""));
-        return None;
+        return remarks;
     }
     let is_whole = coordinates == CoordinateUnit::TenMillionths
-        && columns.is_whole(horizontal)
-        && columns.is_whole(vertical);
+        && places.iter().all(|place| columns.is_whole(*place));
     let mut numbers = columns.table.columns[horizontal].numbers.clone();
-    let is_mm = told.is_none() && is_whole && (height_in_mm || median(&mut numbers) > WORST_M);
-    is_mm.then(|| {
+    if told.is_none() && is_whole && (height_in_mm || median(&mut numbers) > WORST_M) {
         columns.lines.push("accuracy_unit = \"mm\"".to_owned());
-        "accuracies are whole numbers, taken in mm as u-blox receivers write them".to_owned()
-    })
+        let mm = "accuracies are whole numbers, taken in mm as u-blox receivers write them";
+        remarks.push(mm.to_owned());
+    }
+    remarks
 }
 
 /// A latitude or longitude in degrees.

@@ -24,8 +24,9 @@ pub struct PositionColumns {
     /// Standard deviations north, east and vertical, m.
     pub std: Option<[Column; 3]>,
     /// In place of `std`: the radius that the fix is within with 68 %, and the vertical standard
-    /// deviation, m. A standard deviation along one axis is the radius divided by the root of 2.
-    pub accuracy: Option<[Column; 2]>,
+    /// deviation, m. A standard deviation along one axis is the radius divided by the root of 2. Where
+    /// the radius is alone, heights are as much less accurate as those of satellites are.
+    pub accuracy: Option<Vec<Column>>,
     /// Unit of `std` or `accuracy`. Default `m`.
     #[serde(default)]
     pub accuracy_unit: HeightUnit,

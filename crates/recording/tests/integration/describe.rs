@@ -860,6 +860,27 @@ fn columns_of_u_blox_are_millimetres_where_the_height_is() {
     }
 }
 
+/// Phones and loggers of positions tell one number.
+#[test]
+fn an_accuracy_that_stands_alone_is_the_radius_of_a_fix() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["h_acc", "accuracy", "gps_accuracy", "horizontal_accuracy_m"] {
+        let rows: String = (0..60)
+            .map(|k| format!("{k},48.{:05},11.5,500,4.0\n", 10_000 + 9 * k))
+            .collect();
+        let text = format!("time_s,latitude,longitude,altitude,{name}\n{rows}");
+        let (draft, events) = read(folder.path(), "a.csv", &text, None);
+        let manifest = &draft.manifest;
+        assert!(manifest.contains("taken as the radius"), "{manifest}");
+        assert!(events.iter().all(|event| matches!(
+            event.sample,
+            Sample::GnssPosition(fix) if fix.std_m.is_some_and(|[north, east, down]| {
+                (north - 8_f64.sqrt()).abs() < 1e-9 && north == east && (down - 6.8).abs() < 1e-9
+            })
+        )));
+    }
+}
+
 #[test]
 fn degrees_with_minutes_are_read_and_what_is_no_position_is_said() {
     let folder = tempfile::tempdir().unwrap();

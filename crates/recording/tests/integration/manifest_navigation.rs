@@ -346,6 +346,11 @@ fn a_wrong_manifest_is_told_with_line_and_advice() {
             "both `std` and `accuracy`",
         ),
         (
+            "std = [",
+            "accuracy = [",
+            "expected [horizontal, vertical], or [horizontal] alone",
+        ),
+        (
             "time_offset_s = -0.5",
             "time_offset_s = nan",
             "expected seconds",

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use northing_core::earth::wgs84::{Geodetic, LocalFrame};
-use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
+use northing_recording::{GnssPosition, GnssQuality, GnssVelocity, VERTICAL_OF_HORIZONTAL};
 
 use super::Session;
 use crate::navigation::moving_frame::MovingFrame;
@@ -13,8 +13,6 @@ use crate::statistics::seconds_between;
 
 /// Error of a range to a satellite, m: with a dilution of 1 half the fixes are within 3 m.
 const RANGE_ERROR_M: f64 = 3.6;
-/// The vertical dilution where only the horizontal one is known.
-const VERTICAL_DILUTION: f64 = 1.7;
 /// Above this dilution a fix is not worth using.
 const LARGEST_HDOP: f64 = 8.0;
 /// A fix that states a larger standard deviation says nothing, m.
@@ -204,5 +202,9 @@ pub(super) fn position_std(fix: &GnssPosition) -> Vector3<f64> {
     }
     let hdop = fix.hdop.unwrap_or(1.0).max(0.5);
     let across = RANGE_ERROR_M * hdop * std::f64::consts::FRAC_1_SQRT_2;
-    Vector3::new(across, across, RANGE_ERROR_M * VERTICAL_DILUTION * hdop)
+    Vector3::new(
+        across,
+        across,
+        RANGE_ERROR_M * VERTICAL_OF_HORIZONTAL * hdop,
+    )
 }

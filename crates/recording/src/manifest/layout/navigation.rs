@@ -9,6 +9,7 @@ use super::LayoutBuilder;
 use crate::delimited::{Channel, Form};
 use crate::error::Result;
 use crate::event::SensorKind;
+use crate::gnss::VERTICAL_OF_HORIZONTAL;
 use crate::local_place::LocalPlace;
 
 impl LayoutBuilder<'_> {
@@ -79,12 +80,7 @@ impl LayoutBuilder<'_> {
                     row.put(number, Some(self.column(column)?), to_m);
                 }
             }
-            (None, Some([horizontal, vertical])) => {
-                let horizontal = Some(self.column(horizontal)?);
-                row.put(3, horizontal, std::f64::consts::FRAC_1_SQRT_2 * to_m);
-                row.put(4, horizontal, std::f64::consts::FRAC_1_SQRT_2 * to_m);
-                row.put(5, Some(self.column(vertical)?), to_m);
-            }
+            (None, Some(accuracy)) => self.accuracy(&mut row, accuracy, to_m)?,
             (None, None) => {}
         }
         row.columns[6] = self.optional(position.hdop.as_ref())?;
@@ -98,6 +94,27 @@ impl LayoutBuilder<'_> {
                 "[gnss_position] has unit = \"deg-min\" and quality_code = \"rtklib\", which writes degrees",
             )),
         }
+    }
+
+    /// The radius of a fix, and the vertical standard deviation where there is one.
+    fn accuracy(&self, row: &mut Channel, accuracy: &[Column], to_m: f64) -> Result<()> {
+        let wrong = |what: &str| Err(self.problem(format!("[gnss_position] accuracy: {what}")));
+        let (radius, vertical) = match accuracy {
+            [radius] => (self.column(radius)?, None),
+            [radius, vertical] => (self.column(radius)?, Some(self.column(vertical)?)),
+            _ => return wrong("expected [horizontal, vertical], or [horizontal] alone"),
+        };
+        if vertical == Some(radius) {
+            return wrong("both columns are the same; write [horizontal] alone");
+        }
+        let of_an_axis = std::f64::consts::FRAC_1_SQRT_2 * to_m;
+        row.put(3, Some(radius), of_an_axis);
+        row.put(4, Some(radius), of_an_axis);
+        match vertical {
+            Some(vertical) => row.put(5, Some(vertical), to_m),
+            None => row.put(5, Some(radius), VERTICAL_OF_HORIZONTAL * to_m),
+        }
+        Ok(())
     }
 
     fn local_position(&self, local: &LocalColumns) -> Result<Channel> {
