@@ -451,7 +451,7 @@ fn values_that_repeat_are_rounded_too_coarsely() {
     );
 }
 
-/// A device that turns about the vertical with its iron above it: the strength of the field changes by a twentieth of the offset.
+/// A device that turns about the vertical with its iron above it: the strength of the field varies by less than a tenth of the offset.
 #[test]
 fn hard_iron_along_the_axis_that_is_turned_about_is_no_other_axes() {
     let mut events = Vec::new();

@@ -345,6 +345,15 @@ fn vector(name: &str, unit: Option<&str>) -> Quantity {
     }
 }
 
+/// Whether a name is that of a fix's accuracy and of nothing else: `gps_speed_accuracy` is none.
+fn is_accuracy_of_fix(words: &[String]) -> bool {
+    const FIX: [&str; 6] = ["gps", "gnss", "loc", "location", "pos", "position"];
+    let is_accuracy = |word: &String| matches!(word.as_str(), "accuracy" | "acc");
+    let is_of_fix = |word: &String| FIX.contains(&word.as_str());
+    let is_told = words == ["accuracy"] || words.iter().any(is_of_fix);
+    is_told && words.iter().any(is_accuracy) && words.iter().all(|w| is_accuracy(w) || is_of_fix(w))
+}
+
 /// What a column that stands for itself holds.
 pub(super) fn single(name: &str) -> Option<Single> {
     let (kept, unit) = unit(name);
@@ -360,9 +369,7 @@ pub(super) fn single(name: &str) -> Option<Single> {
         Single::HorizontalAccuracy
     } else if accuracy && (is(&["vacc", "v"]) || has("ver") || has("alt")) {
         Single::VerticalAccuracy
-    } else if words == ["accuracy"]
-        || accuracy && is(&["gps", "gnss", "loc", "location", "pos", "position"])
-    {
+    } else if is_accuracy_of_fix(&words) {
         Single::HorizontalAccuracy
     } else if accuracy || is(&["sdn", "sde", "sdu"]) {
         return deviation(&words);

@@ -25,7 +25,7 @@ pub struct PositionColumns {
     pub std: Option<[Column; 3]>,
     /// In place of `std`: the radius that the fix is within with 68 %, and the vertical standard
     /// deviation, m. A standard deviation along one axis is the radius divided by the root of 2. Where
-    /// the radius is alone, heights are as much less accurate as those of satellites are.
+    /// the radius is alone, the vertical standard deviation is 1.7 times it.
     pub accuracy: Option<Vec<Column>>,
     /// Unit of `std` or `accuracy`. Default `m`.
     #[serde(default)]

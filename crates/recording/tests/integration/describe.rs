@@ -883,6 +883,24 @@ fn an_accuracy_that_stands_alone_is_the_radius_of_a_fix() {
 }
 
 #[test]
+fn the_accuracy_of_a_speed_or_a_course_is_none_of_a_fix() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in [
+        "gps_speed_accuracy",
+        "gps_bearing_accuracy",
+        "magnetometer_accuracy",
+    ] {
+        let rows: String = (0..60)
+            .map(|k| format!("{k},48.{:05},11.5,500,0.3\n", 10_000 + 9 * k))
+            .collect();
+        let text = format!("time_s,latitude,longitude,altitude,{name}\n{rows}");
+        let (draft, _) = read(folder.path(), "a.csv", &text, None);
+        let manifest = &draft.manifest;
+        assert!(!manifest.contains("accuracy ="), "{manifest}");
+    }
+}
+
+#[test]
 fn degrees_with_minutes_are_read_and_what_is_no_position_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let text = |latitude: f64, beside: &str| {
