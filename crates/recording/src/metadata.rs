@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// The world frame in which a recording's reference, device orientation and positions stand.
@@ -65,6 +66,17 @@ impl BodyAxes {
             Self::Phone => "right, forward, up (a phone's)",
             Self::Flu => "forward, left, up",
             Self::Frd => "forward, right, down",
+        }
+    }
+
+    /// Forward, right and down of the body, each in x, y, z of the sensors.
+    #[must_use]
+    pub fn forward_right_down(self) -> [Vector3<f64>; 3] {
+        let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+        match self {
+            Self::Phone => [y, x, -z],
+            Self::Flu => [x, -y, -z],
+            Self::Frd => [x, y, z],
         }
     }
 }

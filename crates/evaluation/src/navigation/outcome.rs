@@ -53,6 +53,17 @@ impl ValidityTimes {
     }
 }
 
+/// Which way a vehicle moved that keeps to one direction, seen from the unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TravelDirection {
+    /// From the body's forward axis to the right, seen from above, degrees: course minus heading.
+    pub right_deg: f64,
+    /// How much the direction scatters, degrees.
+    pub spread_deg: f64,
+    /// Over so many fixes, with heading and velocity known.
+    pub fixes: u32,
+}
+
 /// Where the origin of the local frame is, degrees and metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Origin {
@@ -112,6 +123,8 @@ pub struct NavigationSummary {
     pub tilt_rmse_deg: Option<f64>,
     /// More about the heading.
     pub heading: Option<HeadingScore>,
+    /// Which way it moved: `None` where the heading was not known, or it moved anywhere.
+    pub travel: Option<TravelDirection>,
     /// The outages that were made.
     pub outages: Vec<OutageScore>,
     /// What became of each aid.

@@ -10,6 +10,7 @@ mod finish;
 mod moving_origin;
 pub(super) mod receiver;
 mod scoring;
+mod travel_direction;
 mod turn_agreement;
 
 use std::collections::BTreeMap;
@@ -23,6 +24,7 @@ use northing_recording::{BodyAxes, DeviceNavigation, Event, Frames, Sample, Sens
 
 use self::axes_agreement::AxesAgreement;
 use self::consensus::{FixConsensus, Step};
+use self::travel_direction::Travel;
 use self::turn_agreement::TurnAgreement;
 use super::axis_navigator::AxisNavigator;
 use super::batch_smoother::SmoothingSummary;
@@ -121,9 +123,12 @@ struct Session<'a> {
     navigator: Box<dyn Navigator>,
     consensus: FixConsensus,
     frame: Option<MovingFrame>,
+    /// The declination (rad) of the first origin, where the navigator took it.
+    declination: Option<f64>,
     inertial: Inertial,
     turns: TurnAgreement,
     axes: AxesAgreement,
+    travel: Travel,
     scorer: Scorer,
     has_reference: bool,
     /// Usable fixes so far.
@@ -231,9 +236,11 @@ impl<'a> Session<'a> {
             navigator: navigator(options)?,
             consensus: FixConsensus::default(),
             frame: None,
+            declination: None,
             inertial: Inertial::default(),
             turns: TurnAgreement::default(),
             axes: AxesAgreement::default(),
+            travel: Travel::default(),
             scorer: Scorer::new(options.score_from_s, &options.outages),
             has_reference: false,
             fix_index: 0,

@@ -22,4 +22,5 @@ mod reference_data;
 mod tracking_data;
 mod tracking_scale;
 mod uniform;
+mod vehicle_axes;
 mod verdicts;

@@ -1,7 +1,12 @@
 //! Random worlds: the same for the same seed, and judged by the right numbers. How good the filter is on them is not tested here.
 
+use std::convert::Infallible;
+
+use nalgebra::{Vector2, Vector3};
 use northing_core::navigation::gnss_ins::GnssInsConfig;
-use northing_experiments::navigation_worlds::{WorldRun, Worlds};
+use northing_evaluation::navigation::{NavigationOptions, run_navigation};
+use northing_experiments::navigation_worlds::{WorldRun, Worlds, events};
+use northing_recording::WorldFrame;
 use northing_simulation::navigation_world::{FaultKind, NavigationWorld, WorldClass};
 
 const FEW: Worlds = Worlds {
@@ -130,4 +135,53 @@ fn what_nobody_can_know_is_marked_and_nothing_else() {
         outcome.all.instants,
         outcome.can_be_known.instants + marked.count()
     );
+}
+
+/// Course less heading, over all instants at which the vehicle moves, degrees.
+fn true_direction(world: &NavigationWorld) -> f64 {
+    let moving = world.samples.iter().filter(|s| s.velocity.norm() > 1.0);
+    let sum = moving.fold(Vector2::zeros(), |sum: Vector2<f64>, sample| {
+        let forward = sample.ned_from_unit * Vector3::x();
+        let (forward, along) = (forward.xy(), sample.velocity.xy());
+        sum + Vector2::new(forward.dot(&along), forward.perp(&along)).normalize()
+    });
+    sum.y.atan2(sum.x).to_degrees()
+}
+
+/// Units are mounted anyhow, and their receivers err: where a run says which way the vehicle moved, it did.
+#[test]
+fn the_direction_that_a_vehicle_keeps_to_is_told_rightly() {
+    let mut told = 0;
+    for number in 0..90 {
+        let world = NavigationWorld::draw(3, number);
+        let events = events(&world).into_iter().map(Ok::<_, Infallible>);
+        let options = NavigationOptions::default();
+        let Ok(summary) = run_navigation(events, "world", WorldFrame::Ned, &options, &mut ())
+        else {
+            continue;
+        };
+        let Some(travel) = summary.travel else {
+            continue;
+        };
+        let off = travel.right_deg - true_direction(&world);
+        let off = (off + 540.0).rem_euclid(360.0) - 180.0;
+        // A heading is known to 8 deg, and that of what is driven much better.
+        let driven = [
+            WorldClass::CarSmooth,
+            WorldClass::CarRough,
+            WorldClass::CarPhone,
+            WorldClass::Bicycle,
+        ];
+        let most = if driven.contains(&world.description.class) {
+            4.0
+        } else {
+            16.0
+        };
+        assert!(
+            off.abs() < most,
+            "world {number}: {travel:?} is {off:.1} deg off"
+        );
+        told += 1;
+    }
+    assert!(told >= 30, "{told}");
 }

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use super::draft::Described;
 use super::turns::{Series, median};
 use crate::error::{RecordingError, Result};
+use crate::metadata::BodyAxes;
 
 /// Says which files have no time in common with the one of the gyroscope, or of the first sensor where there is none.
 pub(super) fn other_times(files: &[Described]) -> Vec<String> {
@@ -67,6 +68,24 @@ impl Forces {
             columns,
             series,
         })
+    }
+
+    /// The body axes of a unit whose z points down, if z reads as that of one: a share of all samples has gravity against it.
+    pub(super) fn body_axes(&self, files: &[Described]) -> Option<BodyAxes> {
+        /// A vehicle may lean, and turn over now and then.
+        const AGAINST: f64 = -0.7;
+        const SHARE: f64 = 0.9;
+        let has_axes = |file: &Described| {
+            let is_orientation = |key| key == "reference" || key == "device_orientation";
+            file.table.is_none() || file.sections.iter().any(|one| is_orientation(one.key))
+        };
+        if files.iter().any(has_axes) {
+            return None;
+        }
+        let is_against = |(_, force): &&(f64, Vector3<f64>)| force.z < AGAINST * force.norm();
+        let against = self.series.iter().filter(is_against).count();
+        let share = against as f64 / self.series.len().max(1) as f64;
+        (share > SHARE).then_some(BodyAxes::Frd)
     }
 
     /// The one nearest to a time.

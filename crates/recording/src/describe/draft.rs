@@ -13,6 +13,7 @@ use super::turns::{Series, Turns, median};
 use super::vectors::{self, Vector};
 use super::{Confidence, Found, Guess, Section, navigation, text};
 use crate::error::{RecordingError, Result, join, shown};
+use crate::metadata::BodyAxes;
 use crate::open::{open_data_file, stem};
 use crate::options::OpenOptions;
 use crate::signed_axes::SignedAxes;
@@ -45,6 +46,7 @@ pub fn draft(paths: &[PathBuf], folder: &Path, rate_hz: Option<f64>) -> Result<D
     for (place, file) in files.iter_mut().enumerate() {
         file.find_rest(place, forces.as_ref());
     }
+    let axes = forces.as_ref().and_then(|forces| forces.body_axes(&files));
     let mut remarks: Vec<String> = files.iter().flat_map(Described::remark).collect();
     let known = |file: &Described| file.table.is_none() || !file.sections.is_empty();
     if !files.iter().any(known) {
@@ -69,12 +71,34 @@ pub fn draft(paths: &[PathBuf], folder: &Path, rate_hz: Option<f64>) -> Result<D
         ));
     }
     remarks.extend(other_times(&files));
+    let mut guesses: Vec<Guess> = files.iter().flat_map(Described::guesses).collect();
+    let of_force = guesses.iter().find(|guess| guess.key == "accelerometer");
+    let axes = axes
+        .zip(of_force)
+        .map(|(axes, force)| guess_of(axes, force));
+    guesses.extend(axes.clone());
     Ok(Draft {
-        manifest: text::of(&files, &remarks, folder),
-        guesses: files.iter().flat_map(Described::guesses).collect(),
+        manifest: text::of(&files, axes.as_ref(), &remarks, folder),
+        guesses,
         left_out: files.iter().filter_map(Described::left_out).collect(),
         remarks,
     })
+}
+
+/// Body axes that the accelerometer tells.
+fn guess_of(axes: BodyAxes, force: &Guess) -> Guess {
+    Guess {
+        file: force.file.clone(),
+        key: "body_axes",
+        columns: force.columns.clone(),
+        taken: format!("body_axes = \"{}\"", axes.name()),
+        why: format!(
+            "the accelerometer's z reads gravity with a minus sign, as where x, y, z point {}. For a phone on its face take \"phone\"; \
+             where the file points gravity down, axes = \"-x,-y,-z\" for the accelerometer",
+            axes.in_words()
+        ),
+        confidence: Confidence::Assumed,
+    }
 }
 
 /// A file, and what was found in it.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::Guess;
 use super::draft::Described;
 use super::table::Table;
 use crate::error::shown;
@@ -34,7 +35,12 @@ impl Table {
 }
 
 /// The manifest.
-pub(super) fn of(files: &[Described], remarks: &[String], folder: &Path) -> String {
+pub(super) fn of(
+    files: &[Described],
+    axes: Option<&Guess>,
+    remarks: &[String],
+    folder: &Path,
+) -> String {
     let mut text = String::from(
         "# A draft: what the columns are was guessed from their names and numbers. Check what is only likely or assumed.\n\n",
     );
@@ -44,6 +50,18 @@ pub(super) fn of(files: &[Described], remarks: &[String], folder: &Path) -> Stri
     let is_down = files.iter().any(|file| file.is_down);
     if is_down {
         text.push_str("world_frame = \"ned\"   # by the quaternions: z is down\n\n");
+    }
+    let has_sensors = files.iter().any(|file| {
+        let mut sections = file.sections.iter();
+        sections.any(|one| ["gyroscope", "accelerometer"].contains(&one.key))
+    });
+    if let Some(axes) = axes {
+        let (sure, why) = (axes.confidence.name(), &axes.why);
+        text.push_str(&format!("# {sure}: {why}\n{}\n\n", axes.taken));
+    } else if has_sensors && !is_down {
+        text.push_str(
+            "# body_axes = \"phone\"   # x, y, z: right, forward, up; \"flu\": forward, left, up; \"frd\": forward, right, down\n\n",
+        );
     }
     let prefix = if files.len() > 1 { "source." } else { "" };
     for file in files {

@@ -123,6 +123,11 @@ impl Session<'_> {
     pub(super) fn finish(mut self, name: &str) -> Result<NavigationSummary, EvaluationError> {
         self.check()?;
         let wrong_axes = self.wrong_axes();
+        if let Some(declination) = self.declination
+            && self.counts.aids.contains_key(&AidKind::Magnetometer)
+        {
+            self.learnt("declination", declination);
+        }
         let counts = self.counts;
         let kind = self.options.estimator;
         let origin = self.frame.map(|frame| Origin::from(frame.first().origin()));
@@ -138,7 +143,10 @@ impl Session<'_> {
         let heading = self.scorer.heading_score();
         let mut issues = Vec::new();
         issues.extend(self.consensus.left_out().map(|fixes| fixes.sentence(first)));
+        // An attitude from wrong axes says nothing of them.
+        let travel = wrong_axes.is_none().then_some(self.travel);
         issues.extend(wrong_axes);
+        issues.extend(travel.and_then(|travel| travel.issue(self.frames.body)));
         if counts.zero_std > 0 {
             issues.push(format!(
                 "{} fixes state a standard deviation of 0 or below: taken as not stated.",
@@ -186,6 +194,7 @@ impl Session<'_> {
             heading_rmse_deg: heading.map(|h| h.rmse_deg),
             tilt_rmse_deg: self.scorer.tilt_rmse_deg(),
             heading,
+            travel: travel.and_then(|travel| travel.direction()),
             outages,
             aids: counts
                 .aids

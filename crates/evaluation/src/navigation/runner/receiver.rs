@@ -81,6 +81,9 @@ impl Session<'_> {
             stated,
         };
         self.aid(time_ns, &aid);
+        if let Some(estimate) = self.navigator.estimate() {
+            self.travel.estimate(&estimate);
+        }
     }
 
     /// Metres from the origin of now; the first one is the first fix that got here.
@@ -99,9 +102,7 @@ impl Session<'_> {
         let frame = LocalFrame::new(place);
         self.frame = Some(MovingFrame::new(frame, time_ns, fix));
         self.observer.origin(&frame);
-        if let Some(declination) = self.navigator.origin(&frame, time_ns) {
-            self.learnt("declination", declination);
-        }
+        self.declination = self.navigator.origin(&frame, time_ns);
         Vector3::zeros()
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::earth::wgs84::Geodetic;
 use northing_core::geometry::frames::ned_from_enu;
 use northing_core::geometry::rotation::from_matrix;
-use northing_recording::{BodyAxes, GnssPosition, Reference, WorldFrame};
+use northing_recording::{BodyAxes, Frames, GnssPosition, Reference, WorldFrame};
 
 use super::Session;
 use crate::navigation::navigator::NavigationEstimate;
@@ -107,15 +107,11 @@ impl Session<'_> {
         &self,
         world_from_body: &UnitQuaternion<f64>,
     ) -> UnitQuaternion<f64> {
-        // Forward, right and down in the axes of the body.
-        let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
-        let frd = match self.frames.body {
-            BodyAxes::Frd if self.frames.world == WorldFrame::Ned => return *world_from_body,
-            BodyAxes::Frd => [x, y, z],
-            BodyAxes::Flu => [x, -y, -z],
-            BodyAxes::Phone => [y, x, -z],
-        };
-        let columns = frd.map(|axis| match self.frames.world {
+        let Frames { world, body } = self.frames;
+        if (world, body) == (WorldFrame::Ned, BodyAxes::Frd) {
+            return *world_from_body;
+        }
+        let columns = body.forward_right_down().map(|axis| match world {
             WorldFrame::Ned => world_from_body * axis,
             WorldFrame::Enu => ned_from_enu(&(world_from_body * axis)),
         });
